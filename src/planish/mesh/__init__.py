@@ -1,5 +1,6 @@
-"""What can be said of a triangle mesh before anything is flattened."""
+"""What can be said and done with a triangle mesh before anything is flattened."""
 
+from planish.mesh.raster import rasterise
 from planish.mesh.topology import Topology, topology
 
-__all__ = ["Topology", "topology"]
+__all__ = ["Topology", "rasterise", "topology"]
