@@ -137,27 +137,30 @@ class Flattening:
     ----------
     page_xy : (n, 2) float64 [mm]
         x right, y down, origin at the top left corner of the page.
+    size_mm : (float, float)
+        Width and height of the page.
     outcome : Outcome
     method : str
-    iterations : int
-    residuals : (iterations recorded,) float64
-        Root mean square of the sticks' relative error, through the solving.
-    heights : (iterations recorded,) float64 [mm]
-        Greatest height above the plane, through the solving.
     solved_points : int
-        How many points the solver itself moved (fewer than n after decimation).
-    seconds : float
-        From the mesh in memory to `page_xy` in memory.
+        How many points the solver itself moved; fewer than n after decimation.
+    iterations : int
+    residuals : (iterations,) float64
+        Root mean square of the sticks' relative error, through the solving.
+    heights : (iterations,) float64 [mm]
+        Greatest height above the plane, through the solving.
+    strain : (float, float)
+        Root mean square and greatest relative error of the edges against the rest lengths used.
     """
 
     page_xy: Floats
+    size_mm: tuple[float, float]
     outcome: Outcome
     method: str
+    solved_points: int
     iterations: int
     residuals: Floats
     heights: Floats
-    solved_points: int
-    seconds: float
+    strain: tuple[float, float]
 
     def __post_init__(self) -> None:
         _freeze(self)
@@ -182,3 +185,126 @@ class Page:
 
     def __post_init__(self) -> None:
         _freeze(self)
+
+
+@dataclass(frozen=True)
+class ScanReport:
+    """What came in.
+
+    Attributes
+    ----------
+    points, faces : int
+        As in the file.
+    unit : str
+        The unit the file's numbers were taken to be in.
+    holes : int
+    """
+
+    points: int
+    faces: int
+    unit: str
+    holes: int
+
+
+@dataclass(frozen=True)
+class FlattenReport:
+    """How true the flat sheet is to the surface.
+
+    Attributes
+    ----------
+    method, lengths : str
+    points : int
+        That the solver moved.
+    iterations : int
+    seconds : float
+        From the mesh in memory to every point's place on the page in memory.
+    strain_rms, strain_max : float
+        Of the solver's edges against the rest lengths used.
+    strain_raw_rms : float
+        Of all edges of the scan against their raw 3D lengths (a scan's noise shows here).
+    stretch_l2, stretch_linf : float
+        Sander's, over all faces of the scan; 1 is perfect.
+    flipped_faces : int
+        Of the scan, with their back up on the page.
+    """
+
+    method: str
+    lengths: str
+    points: int
+    iterations: int
+    seconds: float
+    strain_rms: float
+    strain_max: float
+    strain_raw_rms: float
+    stretch_l2: float
+    stretch_linf: float
+    flipped_faces: int
+
+
+@dataclass(frozen=True)
+class PageReport:
+    """The page: its size, and how well the photo shows it (None where no photo was drawn).
+
+    Attributes
+    ----------
+    width_mm, height_mm : float
+    dpi : float or None
+    effective_ppi_p10, effective_ppi_median : float or None
+        Photo pixels per inch of page, in the direction where they are fewest, over the area of the page.
+    known_fraction : float or None
+        Share of the page's pixels that the scan and the photo saw.
+    """
+
+    width_mm: float
+    height_mm: float
+    dpi: float | None = None
+    effective_ppi_p10: float | None = None
+    effective_ppi_median: float | None = None
+    known_fraction: float | None = None
+
+
+@dataclass(frozen=True)
+class Report:
+    """An account of one restoration in plain numbers and sentences; `dataclasses.asdict` of it is the JSON.
+
+    Attributes
+    ----------
+    version : str
+    outcome : str
+        The sentence of the `Outcome`.
+    settled : bool
+    seconds_total : float
+    seconds : dict
+        Per stage.
+    scan, flatten, page : see there
+    warnings : list of str
+    """
+
+    version: str
+    outcome: str
+    settled: bool
+    seconds_total: float
+    seconds: dict[str, float]
+    scan: ScanReport
+    flatten: FlattenReport
+    page: PageReport
+    warnings: list[str]
+
+
+@dataclass(frozen=True, eq=False)
+class Restoration:
+    """All that came of a scan.
+
+    Attributes
+    ----------
+    flattening : Flattening
+        With the place on the page of every point of the scan, in the scan's order.
+    rendered, binary : Page or None
+        None where the scan has no photo, or where binarization was not asked for.
+    report : Report
+    """
+
+    flattening: Flattening
+    rendered: Page | None
+    binary: Page | None
+    report: Report
