@@ -1,13 +1,12 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from planish.mesh import rasterise
 from shapes import grid
 
 
-@settings(deadline=None)
 @given(st.integers(0, 10_000))
 def test_agrees_with_asking_every_pixel_of_every_triangle(seed):
     rng = np.random.default_rng(seed)
@@ -29,7 +28,7 @@ def test_agrees_with_asking_every_pixel_of_every_triangle(seed):
     w = np.concatenate([1 - weights.sum(2, keepdims=True), weights], axis=2)[both]
     assert (w >= -1e-6).all()
     found = np.einsum("pk,pk->p", w, near[faces[face[both]]])
-    assert (np.abs(found - best[both]) > 1e-4).mean() < 0.01
+    assert (np.abs(found - best[both]) > 1e-4).sum() <= 0.01 * face.size
 
 
 def test_a_sheet_has_no_seams_and_weights_give_back_the_place():
