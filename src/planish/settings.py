@@ -10,8 +10,8 @@ from typing import Literal
 
 from planish.errors import UsageError
 
-Lengths = Literal["unfolded", "straight"]
-Method = Literal["verlet"]
+Lengths = Literal["smooth", "unfolded", "straight"]
+Method = Literal["multigrid", "verlet"]
 
 
 @dataclass(frozen=True, kw_only=True)

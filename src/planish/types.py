@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 Bools = NDArray[np.bool_]
-Pixels = NDArray[np.uint8]
+Pixels = NDArray[np.uint8] | NDArray[np.uint16]
 
 
 def _freeze(value: object) -> None:
@@ -81,17 +81,21 @@ class Scan:
     Attributes
     ----------
     mesh : Mesh
-    photo : (rows, cols, 3) uint8, sRGB, or None
+    photo : (rows, cols, 3) uint8 or uint16, or None
+        In the colour space that `icc` names; sRGB where it is None.
     photo_xy : (n, 2) per point or (m, 3, 2) per face corner, float64 [photo px], or None
         x right, y down, pixel centres at integers.
     camera : Camera or None
         Where the photo was taken from, when that is known.
+    icc : bytes or None
+        Colour profile of the photo, handed on to the page.
     """
 
     mesh: Mesh
     photo: Pixels | None = None
     photo_xy: Floats | None = None
     camera: Camera | None = None
+    icc: bytes | None = None
 
     def __post_init__(self) -> None:
         _freeze(self)
@@ -109,12 +113,15 @@ class Sticks:
     weight : (s,) float64
     edges : int
         How many of the sticks are edges of the mesh.
+    noise_mm : (n,) float64 [mm] or None
+        Standard deviation of the scanner's noise around every point, where it was measured.
     """
 
     pairs: Ints
     rest: Floats
     weight: Floats
     edges: int
+    noise_mm: Floats | None = None
 
     def __post_init__(self) -> None:
         _freeze(self)
@@ -172,16 +179,19 @@ class Page:
 
     Attributes
     ----------
-    pixels : (rows, cols) or (rows, cols, 3) uint8, or (rows, cols) bool (True is paper)
+    pixels : (rows, cols) or (rows, cols, 3) uint8 or uint16, or (rows, cols) bool (True is paper)
     known : (rows, cols) bool
         False where no scanned surface was seen.
     dpi : float
         True pixels per 25.4 mm of page.
+    icc : bytes or None
+        Colour profile of the pixels; sRGB where it is None.
     """
 
     pixels: Pixels | Bools
     known: Bools
     dpi: float
+    icc: bytes | None = None
 
     def __post_init__(self) -> None:
         _freeze(self)
