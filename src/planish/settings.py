@@ -58,9 +58,30 @@ class FlattenSettings:
     lengths : {"unfolded", "straight"}
         Rest length of a bending stick: the distance of the two corners after their triangles are laid into one
         plane (unfolded), or as they stand in space (straight, the paper's; too short across a fold).
+    points : int or None
+        Reduce the sheet to about so many points before solving; None keeps all (verlet: the paper's 1,000). Every
+        point of the scan gets its place on the page in any case.
     verlet : VerletSettings
     """
 
     method: Method = "verlet"
     lengths: Lengths = "unfolded"
+    points: int | None = None
     verlet: VerletSettings = field(default_factory=VerletSettings)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RenderSettings:
+    """How the page is drawn.
+
+    Attributes
+    ----------
+    dpi : float or "auto"
+        Page pixels per 25.4 mm. auto: what the photo gives (its median over the page), rounded to a usual value.
+    """
+
+    dpi: float | Literal["auto"] = 300.0
+
+    def __post_init__(self) -> None:
+        if self.dpi != "auto" and not 1 <= self.dpi <= 10_000:
+            raise UsageError(f"dpi must be between 1 and 10000, or auto, not {self.dpi}")

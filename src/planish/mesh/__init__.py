@@ -1,6 +1,26 @@
 """What can be said and done with a triangle mesh before anything is flattened."""
 
+from planish.mesh.adjacency import neighbours
+from planish.mesh.carry import carry
+from planish.mesh.clean import Cleaned, clean
+from planish.mesh.measures import angle_sums, area_vectors, border_loops
 from planish.mesh.raster import rasterise
+from planish.mesh.subsample import Coarse, subsample
+from planish.mesh.support import stand_on_table
 from planish.mesh.topology import Topology, topology
 
-__all__ = ["Topology", "rasterise", "topology"]
+__all__ = [
+    "Cleaned",
+    "Coarse",
+    "Topology",
+    "angle_sums",
+    "area_vectors",
+    "border_loops",
+    "carry",
+    "clean",
+    "neighbours",
+    "rasterise",
+    "stand_on_table",
+    "subsample",
+    "topology",
+]

@@ -1,0 +1,40 @@
+"""Plain measures of a triangle mesh: areas, normals, border loops, angles."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from planish.mesh.topology import Topology
+from planish.types import Floats, Ints
+
+
+def area_vectors(points: Floats, faces: Ints) -> Floats:
+    """(m, 3) normals of the faces, as long as the faces are large [mm^2]; up where the corners run counter-clockwise."""
+    a, b, c = (points[faces[:, k]] for k in range(3))
+    return np.asarray(0.5 * np.cross(b - a, c - a))
+
+
+def border_loops(topology: Topology) -> int:
+    """How many closed lines the border of a mesh consists of: one for a sheet, one more for every hole.
+
+    Counted as connected components of the border's edges, so that two holes that touch in a point are one.
+    """
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    border = topology.edges[topology.edge_uses == 1]
+    points, border = np.unique(border, return_inverse=True)
+    border = border.reshape(-1, 2)
+    links = coo_matrix((np.ones(len(border)), (border[:, 0], border[:, 1])), shape=(len(points), len(points)))
+    return int(connected_components(links, directed=False, return_labels=False)) if len(points) else 0
+
+
+def angle_sums(points: Floats, faces: Ints) -> Floats:
+    """(n,) sum [rad] of the faces' angles at every point: a full turn, 2 pi, inside a sheet that can lie flat."""
+    sums = np.zeros(len(points))
+    for k in range(3):
+        here, left, right = (points[faces[:, (k + j) % 3]] for j in range(3))
+        u, v = left - here, right - here
+        angle = np.arctan2(np.linalg.norm(np.cross(u, v), axis=1), np.einsum("ij,ij->i", u, v))
+        sums += np.bincount(faces[:, k], angle, len(points))
+    return sums
