@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from planish.mesh import topology
-from planish.report import flipped_faces, strain, stretch
+from planish.report import flipped_faces, stretch
+from planish.sticks import strain
 from shapes import arch, grid
 
 UV, FACES = grid(12, 9)

@@ -14,13 +14,13 @@ from shapes import arch, grid, rigid_rms
 
 def sheet(rows=12, cols=12, bend=arch):
     uv, faces = grid(rows, cols)
-    points = bend(uv)
-    return uv, points, make_sticks(Mesh(points, faces), topology(faces, len(uv)))
+    mesh = Mesh(bend(uv), faces)
+    return uv, mesh, make_sticks(mesh, topology(faces, len(uv)), "unfolded")
 
 
 def test_the_kernels_do_what_the_formulas_say():
-    _, points, sticks = sheet(4, 5)
-    x, before = points.copy(), points + 0.01
+    _, mesh, sticks = sheet(4, 5)
+    x, before = mesh.points.copy(), mesh.points + 0.01
     slow_x, slow_before = x.copy(), before.copy()
     for _ in range(3):
         fall(x, before, 0.1, 9.81)
@@ -40,38 +40,39 @@ def test_a_free_particle_falls_as_galileo_says():
 
 
 def test_an_arched_sheet_comes_to_rest_at_its_true_size():
-    uv, points, sticks = sheet()
-    flat, outcome, _, residuals, heights = settle(points, sticks)
-    assert outcome is Outcome.SETTLED
-    assert heights[-1] == 0
-    assert residuals[-1] < 1e-6
+    uv, mesh, sticks = sheet()
+    done = settle(mesh, sticks)
+    assert done.outcome is Outcome.SETTLED
+    assert done.heights[-1] == 0
+    assert done.residuals[-1] < 1e-6
+    assert not done.passed.any()
     chords = 2 * 60 * 11 * np.sin(200 / 11 / 120)  # eleven chords of the arc are all the mesh knows
-    assert rigid_rms(flat[:, :2], uv * [chords / 200, 1]) < 1e-3
+    assert rigid_rms(done.points[:, :2], uv * [chords / 200, 1]) < 1e-3
 
 
 def test_flat_stays_flat():
-    uv, points, sticks = sheet(bend=lambda uv: np.c_[uv, 0 * uv[:, :1]])
-    flat, outcome, *_ = settle(points, sticks)
-    assert outcome is Outcome.SETTLED
-    assert np.abs(flat[:, :2] - uv).max() < 1e-6
+    uv, mesh, sticks = sheet(bend=lambda uv: np.c_[uv, 0 * uv[:, :1]])
+    done = settle(mesh, sticks)
+    assert done.outcome is Outcome.SETTLED
+    assert np.abs(done.points[:, :2] - uv).max() < 1e-6
 
 
 def test_the_unit_of_length_does_not_matter():
-    _, points, sticks = sheet()
+    _, mesh, sticks = sheet()
     _, doubled, sticks_doubled = sheet(bend=lambda uv: 2 * arch(uv))
-    np.testing.assert_allclose(settle(doubled, sticks_doubled)[0], 2 * settle(points, sticks)[0], atol=1e-9)
+    np.testing.assert_allclose(settle(doubled, sticks_doubled).points, 2 * settle(mesh, sticks).points, atol=1e-9)
 
 
 def test_running_out_of_steps_is_said():
-    _, points, sticks = sheet()
-    assert settle(points, sticks, VerletSettings(max_steps=3))[1] is Outcome.OUT_OF_STEPS
+    _, mesh, sticks = sheet()
+    assert settle(mesh, sticks, VerletSettings(max_steps=3)).outcome is Outcome.OUT_OF_STEPS
 
 
 def test_a_step_beyond_all_numbers_ends_finite_and_is_said():
-    _, points, sticks = sheet()
-    flat, outcome, *_ = settle(points, sticks, VerletSettings(time_step=1e200))
-    assert outcome is Outcome.DIVERGED
-    assert np.isfinite(flat).all()
+    _, mesh, sticks = sheet()
+    done = settle(mesh, sticks, VerletSettings(time_step=1e200))
+    assert done.outcome is Outcome.DIVERGED
+    assert np.isfinite(done.points).all()
 
 
 @pytest.mark.parametrize("bad", [{"time_step": 0.0}, {"rounds": 0}, {"gravity": -1.0}, {"tolerance": float("nan")}])

@@ -12,6 +12,7 @@ from planish.errors import UsageError
 
 Lengths = Literal["smooth", "unfolded", "straight"]
 Method = Literal["multigrid", "verlet"]
+Rotation = Literal["auto", "0", "90", "180", "270"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,13 +26,19 @@ class VerletSettings:
     gravity : float
         g of eq. (2), towards the plane, with the median stick as unit of length.
     rounds : int
-        How often sticks and plane are made good, in turn, after each step. Below 20 a folded sheet can stall
-        arched; more rounds cost time in proportion.
+        How often sticks and plane are made good, in turn, after each step. Fewer leave the sticks unsettled for
+        more steps; more make the sheet so stiff that gravity cannot press it down: with 40, sheets of 300 points
+        stop arched that settle with 20 (docs/design-notes.md has the table).
     max_steps : int
         Give up after so many steps and say so.
     tolerance : float
         The sheet has settled when it lies on the plane and its sticks' rms relative error has changed by less than
         this part of itself over the last 50 steps.
+    self_collision : bool
+        Keep layers of a sheet that lies over itself apart while it falls. Without it they may pass through each
+        other, and the report counts the points that did.
+    thickness_mm : float
+        How far apart, with self_collision.
     """
 
     time_step: float = 0.1
@@ -39,9 +46,11 @@ class VerletSettings:
     rounds: int = 20
     max_steps: int = 4000
     tolerance: float = 0.002
+    self_collision: bool = False
+    thickness_mm: float = 0.2
 
     def __post_init__(self) -> None:
-        for name in ("time_step", "gravity", "rounds", "max_steps", "tolerance"):
+        for name in ("time_step", "gravity", "rounds", "max_steps", "tolerance", "thickness_mm"):
             value = getattr(self, name)
             if not value > 0:
                 raise UsageError(f"{name} must be greater than 0, not {value}")
@@ -58,16 +67,20 @@ class FlattenSettings:
     lengths : {"unfolded", "straight"}
         Rest length of a bending stick: the distance of the two corners after their triangles are laid into one
         plane (unfolded), or as they stand in space (straight, the paper's; too short across a fold).
-    points : int or None
-        Reduce the sheet to about so many points before solving; None keeps all (verlet: the paper's 1,000). Every
-        point of the scan gets its place on the page in any case.
+    points : int, "all" or "auto"
+        Reduce the sheet to about so many points before solving. auto: all of them, but the paper's 1,000 for verlet.
+        Every point of the scan gets its place on the page in any case.
     verlet : VerletSettings
     """
 
     method: Method = "verlet"
     lengths: Lengths = "unfolded"
-    points: int | None = None
+    points: int | Literal["all", "auto"] = "auto"
     verlet: VerletSettings = field(default_factory=VerletSettings)
+
+    def __post_init__(self) -> None:
+        if isinstance(self.points, int) and self.points < 3:
+            raise UsageError(f"points must be at least 3, all or auto, not {self.points}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,3 +98,20 @@ class RenderSettings:
     def __post_init__(self) -> None:
         if self.dpi != "auto" and not 1 <= self.dpi <= 10_000:
             raise UsageError(f"dpi must be between 1 and 10000, or auto, not {self.dpi}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class RestoreSettings:
+    """The whole walk: the settings of each stage, and the way round of the page.
+
+    Attributes
+    ----------
+    flatten : FlattenSettings
+    render : RenderSettings
+    rotate : {"auto", "0", "90", "180", "270"}
+        auto: long side upright, the photo's top on top. A number: clockwise turn from the photo's way round.
+    """
+
+    flatten: FlattenSettings = field(default_factory=FlattenSettings)
+    render: RenderSettings = field(default_factory=RenderSettings)
+    rotate: Rotation = "auto"

@@ -132,6 +132,7 @@ class Outcome(Enum):
 
     SETTLED = "The sheet lies flat on the plane and its sticks have come to rest."
     STALLED = "The sheet stopped moving before all of it reached the plane; it stands arched somewhere."
+    CRUSHED = "The sheet lies on the plane, but crushed: its sticks are far from their lengths."
     OUT_OF_STEPS = "The sheet was still moving when the steps ran out."
     DIVERGED = "The simulation became unstable and was stopped; the last finite state was kept."
 
@@ -154,9 +155,14 @@ class Flattening:
     residuals : (iterations,) float64
         Root mean square of the sticks' relative error, through the solving.
     heights : (iterations,) float64 [mm]
-        Greatest height above the plane, through the solving.
+        Greatest height above the plane, through the solving; empty for methods that never leave the plane.
     strain : (float, float)
         Root mean square and greatest relative error of the edges against the rest lengths used.
+    noise_mm : float or None
+        Typical standard deviation of the scanner's noise, where it was measured.
+    passed_points : int
+        That went through another layer of the sheet on the way down (verlet).
+    warnings : tuple of str
     """
 
     page_xy: Floats
@@ -168,6 +174,9 @@ class Flattening:
     residuals: Floats
     heights: Floats
     strain: tuple[float, float]
+    noise_mm: float | None = None
+    passed_points: int = 0
+    warnings: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         _freeze(self)
@@ -205,15 +214,19 @@ class ScanReport:
     ----------
     points, faces : int
         As in the file.
+    pieces, holes : int
     unit : str
-        The unit the file's numbers were taken to be in.
-    holes : int
+        The unit that the file's numbers were taken to be in.
+    noise_mm : float or None
+        Typical standard deviation of the scanner's noise, where it was measured.
     """
 
     points: int
     faces: int
-    unit: str
+    pieces: int
     holes: int
+    unit: str = "mm"
+    noise_mm: float | None = None
 
 
 @dataclass(frozen=True)
@@ -236,6 +249,8 @@ class FlattenReport:
         Sander's, over all faces of the scan; 1 is perfect.
     flipped_faces : int
         Of the scan, with their back up on the page.
+    passed_points : int
+        Of the solver, that went through another layer of the sheet on the way down (verlet).
     """
 
     method: str
@@ -249,6 +264,7 @@ class FlattenReport:
     stretch_l2: float
     stretch_linf: float
     flipped_faces: int
+    passed_points: int
 
 
 @dataclass(frozen=True)
@@ -309,12 +325,13 @@ class Restoration:
     ----------
     flattening : Flattening
         With the place on the page of every point of the scan, in the scan's order.
-    rendered, binary : Page or None
-        None where the scan has no photo, or where binarization was not asked for.
+    rendered, unshaded, binary : Page or None
+        None where the scan has no photo, or where that stage was not asked for.
     report : Report
     """
 
     flattening: Flattening
     rendered: Page | None
+    unshaded: Page | None
     binary: Page | None
     report: Report

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-import numpy as np
-
 from planish.flatten.frame import direction_of_growth, place_on_page, to_page_frame, turned
 from planish.flatten.verlet import settle
 from planish.mesh import Topology, carry, stand_on_table, subsample, topology
 from planish.settings import FlattenSettings
-from planish.sticks import make_sticks
+from planish.sticks import make_sticks, strain
 from planish.types import Flattening, Mesh
 
 __all__ = ["direction_of_growth", "flatten", "place_on_page", "settle", "to_page_frame", "turned"]
 
+_THROUGH = (
+    "{:,} points went through another layer of the sheet while it fell, so the page may be folded over itself; "
+    "--verlet.self-collision keeps layers apart"
+)
 PAPER_POINTS = 1000
 """How many of 307,000 points the paper kept, and what its method gets here unless told otherwise."""
 
@@ -45,22 +47,32 @@ def flatten(
     s = settings or FlattenSettings()
     points, _, _ = stand_on_table(mesh)
     standing = Mesh(points, mesh.faces)
-    count = s.points or (PAPER_POINTS if s.method == "verlet" else len(points))
+    count = _points_to_solve(s, len(points))
     coarse = subsample(standing, topo, count) if count < len(points) else None
     solved = standing if coarse is None else coarse.mesh
     solved_topo = topo if coarse is None else topology(solved.faces, len(solved.points))
     sticks = make_sticks(solved, solved_topo, s.lengths)
-    x, outcome, steps, residuals, heights = settle(solved.points, sticks, s.verlet, progress)
-    flat = x[:, :2] if coarse is None else carry(coarse, points, x[:, :2])
+    settled = settle(solved, sticks, s.verlet, progress)
+    x = settled.points[:, :2]
+    flat = x if coarse is None else carry(coarse, points, x)
     page_xy, size = place_on_page(flat * [1.0, -1.0])  # y runs down on the page
+    passed = int(settled.passed.sum())
     return Flattening(
         page_xy=page_xy,
         size_mm=size,
-        outcome=outcome,
+        outcome=settled.outcome,
         method=s.method,
         solved_points=len(x),
-        iterations=steps,
-        residuals=residuals,
-        heights=heights,
-        strain=_strain(x, sticks.pairs[: sticks.edges], sticks.rest[: sticks.edges]),
+        iterations=len(settled.residuals),
+        residuals=settled.residuals,
+        heights=settled.heights,
+        strain=strain(x, sticks.pairs[: sticks.edges], sticks.rest[: sticks.edges]),
+        passed_points=passed,
+        warnings=(_THROUGH.format(passed),) if passed else (),
     )
+
+
+def _points_to_solve(settings: FlattenSettings, available: int) -> int:
+    if settings.points == "auto":
+        return PAPER_POINTS if settings.method == "verlet" else available
+    return available if settings.points == "all" else settings.points

@@ -10,7 +10,9 @@ NEARLY_SQUARE = 1.02
 """Below this ratio of its sides a page has no long side that could stand upright."""
 
 
-def to_page_frame(page_xy: Floats, up: Floats) -> tuple[Floats, tuple[float, float]]:
+def to_page_frame(
+    page_xy: Floats, up: Floats, *, long_side_upright: bool = True
+) -> tuple[Floats, tuple[float, float]]:
     """Turn and shift a flat sheet into the frame of its page, without mirroring or scaling it.
 
     The sheet's sides are those of the least rectangle around it, its angle refined by all straight parts of the
@@ -23,6 +25,8 @@ def to_page_frame(page_xy: Floats, up: Floats) -> tuple[Floats, tuple[float, flo
         y down, in any place and turn.
     up : (2,) float64
         A direction on the sheet that should point to the top of the page; zero where nothing is known.
+    long_side_upright : bool
+        Whether only the two ways round with the long side upright are looked at.
 
     Returns
     -------
@@ -42,7 +46,8 @@ def to_page_frame(page_xy: Floats, up: Floats) -> tuple[Floats, tuple[float, flo
     for quarter in range(4):
         turn = _rotation(-angle + quarter * np.pi / 2)
         width, height = np.ptp(outline @ turn.T, axis=0)
-        score = -(turn @ up)[1] if height * NEARLY_SQUARE >= width else -np.inf
+        lying = long_side_upright and width > NEARLY_SQUARE * height
+        score = -np.inf if lying else -(turn @ up)[1]
         if score > best_score:
             best, best_score = turn, score
     return place_on_page(page_xy @ best.T)

@@ -4,6 +4,7 @@ from planish.mesh.adjacency import neighbours
 from planish.mesh.carry import carry
 from planish.mesh.clean import Cleaned, clean
 from planish.mesh.measures import angle_sums, area_vectors, border_loops
+from planish.mesh.place import to_file_order
 from planish.mesh.raster import rasterise
 from planish.mesh.subsample import Coarse, subsample
 from planish.mesh.support import stand_on_table
@@ -22,5 +23,6 @@ __all__ = [
     "rasterise",
     "stand_on_table",
     "subsample",
+    "to_file_order",
     "topology",
 ]

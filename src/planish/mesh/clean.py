@@ -280,7 +280,7 @@ def _assemble(
 
 
 def _own_points(faces: Ints, piece: Ints, count: int) -> tuple[Ints, Ints]:
-    """Give every piece points of its own and leave out points that no face uses: new faces, source row of each point."""
+    """Give every piece points of its own, and leave out points of no face: new faces, source row of each point."""
     if piece.max() == 0:
         used = np.zeros(count, bool)
         used[faces] = True

@@ -9,7 +9,7 @@ from planish.types import Floats, Ints
 
 
 def area_vectors(points: Floats, faces: Ints) -> Floats:
-    """(m, 3) normals of the faces, as long as the faces are large [mm^2]; up where the corners run counter-clockwise."""
+    """(m, 3) normals of the faces, as long as the faces are large [mm^2]; corners run counter-clockwise around them."""
     a, b, c = (points[faces[:, k]] for k in range(3))
     return np.asarray(0.5 * np.cross(b - a, c - a))
 

@@ -1,6 +1,8 @@
 """An honest account of a restoration: what was measured, and how it reads."""
 
-from planish.report.measures import flipped_faces, signed_areas, strain, stretch
+from planish.report.account import account
+from planish.report.measures import flipped_faces, stretch
+from planish.report.pictures import relief, side_by_side
 from planish.report.table import summary
 
-__all__ = ["flipped_faces", "signed_areas", "strain", "stretch", "summary"]
+__all__ = ["account", "flipped_faces", "relief", "side_by_side", "stretch", "summary"]

@@ -1,26 +1,11 @@
-"""How true a flat sheet is to the surface it came from: strain, stretch and flips."""
+"""How true a flat sheet is to the surface it came from: stretch and flips."""
 
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 
 from planish.types import Floats, Ints
-
-
-def strain(page_xy: Floats, pairs: Ints, rest: Floats) -> tuple[float, float]:
-    """Root mean square and greatest |l / r - 1| of pairs of points against their rest lengths.
-
-    Parameters
-    ----------
-    page_xy : (n, 2) float64 [mm]
-    pairs : (s, 2) int32
-    rest : (s,) float64 [mm]
-        Pairs without length are left out.
-    """
-    long = rest > 0
-    length = np.linalg.norm(page_xy[pairs[long, 1]] - page_xy[pairs[long, 0]], axis=1)
-    error = length / rest[long] - 1
-    return (float(np.sqrt(np.mean(error**2))), float(np.abs(error).max())) if len(error) else (0.0, 0.0)
 
 
 def stretch(points: Floats, faces: Ints, page_xy: Floats) -> tuple[float, float]:
@@ -37,29 +22,51 @@ def stretch(points: Floats, faces: Ints, page_xy: Floats) -> tuple[float, float]
     faces : (m, 3) int32
     page_xy : (n, 2) float64 [mm]
     """
-    s, area = page_xy[faces], signed_areas(faces, page_xy)
-    q = points[faces]
-    surface = 0.5 * np.linalg.norm(np.cross(q[:, 1] - q[:, 0], q[:, 2] - q[:, 0]), axis=1)
-    good = np.abs(area) > 1e-3 * surface.mean() * 1e-3
-    s, q, area, surface = s[good], q[good], area[good], surface[good]
-    if not len(s):
-        return float("inf"), float("inf")
-    # Partial derivatives of the surface along page x and y, constant over a face.
-    y, x = np.roll(s[..., 1], -1, 1) - np.roll(s[..., 1], 1, 1), np.roll(s[..., 0], 1, 1) - np.roll(s[..., 0], -1, 1)
-    along_x = np.einsum("mk,mkd->md", y, q) / (2 * area[:, None])
-    along_y = np.einsum("mk,mkd->md", x, q) / (2 * area[:, None])
-    a, b, c = (np.einsum("md,md->m", u, v) for u, v in ((along_x, along_x), (along_x, along_y), (along_y, along_y)))
-    greatest = np.sqrt(0.5 * ((a + c) + np.sqrt((a - c) ** 2 + 4 * b**2)))
-    return float(np.sqrt(np.average((a + c) / 2, weights=surface))), float(greatest.max())
+    l2, linf = _stretch(points, faces, page_xy)
+    return float(l2), float(linf)
+
+
+@njit(cache=True)
+def _stretch(points, faces, page_xy):  # type: ignore[no-untyped-def]
+    total, surface, greatest = 0.0, 0.0, 0.0
+    mean_area = 0.0
+    for f in range(len(faces)):
+        mean_area += abs(_signed_area(page_xy, faces, f)) / len(faces)
+    for f in range(len(faces)):
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        twice = 2.0 * _signed_area(page_xy, faces, f)
+        if abs(twice) <= 1e-6 * mean_area:
+            continue
+        xx, xy, yy = 0.0, 0.0, 0.0  # products of the surface's partial derivatives along page x and y
+        for k in range(3):
+            u, v = points[b, k] - points[a, k], points[c, k] - points[a, k]
+            dx = (u * (page_xy[c, 1] - page_xy[a, 1]) - v * (page_xy[b, 1] - page_xy[a, 1])) / twice
+            dy = (v * (page_xy[b, 0] - page_xy[a, 0]) - u * (page_xy[c, 0] - page_xy[a, 0])) / twice
+            xx, xy, yy = xx + dx * dx, xy + dx * dy, yy + dy * dy
+        area = 0.5 * abs(twice) * np.sqrt(max(xx * yy - xy * xy, 0.0))  # of the face on the surface
+        total += area * 0.5 * (xx + yy)
+        surface += area
+        greatest = max(greatest, np.sqrt(0.5 * (xx + yy + np.sqrt((xx - yy) ** 2 + 4.0 * xy * xy))))
+    return (np.sqrt(total / surface), greatest) if surface > 0.0 else (np.inf, np.inf)
 
 
 def flipped_faces(faces: Ints, page_xy: Floats) -> int:
     """How many faces lie on the page with their back up (or with no area at all)."""
-    return int((signed_areas(faces, page_xy) >= 0).sum())
+    return int(_flipped(faces, page_xy))
 
 
-def signed_areas(faces: Ints, page_xy: Floats) -> Floats:
-    """(m,) areas [mm^2] on the page; negative for faces that show their printed side, as y runs down."""
-    a, b, c = (page_xy[faces[:, k]] for k in range(3))
-    ab, ac = b - a, c - a
-    return np.asarray(0.5 * (ab[:, 0] * ac[:, 1] - ab[:, 1] * ac[:, 0]))
+@njit(cache=True)
+def _flipped(faces, page_xy):  # type: ignore[no-untyped-def]
+    count = 0
+    for f in range(len(faces)):
+        if _signed_area(page_xy, faces, f) >= 0.0:  # negative shows the printed side, as y runs down
+            count += 1
+    return count
+
+
+@njit(cache=True)
+def _signed_area(page_xy, faces, f):  # type: ignore[no-untyped-def]
+    a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+    abx, aby = page_xy[b, 0] - page_xy[a, 0], page_xy[b, 1] - page_xy[a, 1]
+    acx, acy = page_xy[c, 0] - page_xy[a, 0], page_xy[c, 1] - page_xy[a, 1]
+    return 0.5 * (abx * acy - acx * aby)

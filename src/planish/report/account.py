@@ -1,0 +1,76 @@
+"""The report of a restoration, put together from what each stage left."""
+
+from __future__ import annotations
+
+from planish import __version__
+from planish.mesh import Cleaned
+from planish.report.measures import flipped_faces, stretch
+from planish.settings import FlattenSettings
+from planish.sticks import distances, strain
+from planish.types import Flattening, FlattenReport, Outcome, PageReport, Report, Scan, ScanReport
+
+
+def account(
+    scan: Scan,
+    cleaned: Cleaned,
+    flat: Flattening,
+    page: PageReport,
+    settings: FlattenSettings,
+    seconds: dict[str, float],
+    warnings: list[str],
+) -> Report:
+    """Measure a flattening and gather all that is to be said about a restoration.
+
+    Parameters
+    ----------
+    scan : Scan
+        As it came.
+    cleaned : Cleaned
+        As it was flattened.
+    flat : Flattening
+        Of the points of `cleaned.scan.mesh`.
+    page : PageReport
+    settings : FlattenSettings
+    seconds : dict
+        Per stage; "flatten" is the time from the mesh in memory to every point's place on the page.
+    warnings : list of str
+        Of all stages so far, in order.
+    """
+    mesh, edges = cleaned.scan.mesh, cleaned.topology.edges
+    l2, linf = stretch(mesh.points, mesh.faces, flat.page_xy)
+    flipped = flipped_faces(mesh.faces, flat.page_xy)
+    said = list(warnings)
+    if flipped:
+        said.append(
+            f"{flipped:,} of {len(mesh.faces):,} faces lie on the page with their back up; the page is torn there"
+        )
+    return Report(
+        version=__version__,
+        outcome=flat.outcome.value,
+        settled=flat.outcome is Outcome.SETTLED,
+        seconds_total=sum(seconds.values()),
+        seconds=seconds,
+        scan=ScanReport(
+            points=len(scan.mesh.points),
+            faces=len(scan.mesh.faces),
+            pieces=cleaned.pieces,
+            holes=cleaned.holes,
+            noise_mm=flat.noise_mm,
+        ),
+        flatten=FlattenReport(
+            method=flat.method,
+            lengths=settings.lengths,
+            points=flat.solved_points,
+            iterations=flat.iterations,
+            seconds=seconds["flatten"],
+            strain_rms=flat.strain[0],
+            strain_max=flat.strain[1],
+            strain_raw_rms=strain(flat.page_xy, edges, distances(mesh.points, edges))[0],
+            stretch_l2=l2,
+            stretch_linf=linf,
+            flipped_faces=flipped,
+            passed_points=flat.passed_points,
+        ),
+        page=page,
+        warnings=said,
+    )

@@ -1,0 +1,99 @@
+"""Pictures of a restoration for people to look at: the scan's relief, and pictures side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from planish.mesh import area_vectors, rasterise
+from planish.types import Floats, Ints, Pixels
+
+BACKGROUND = np.array([250, 250, 248], np.uint8)
+PAPER = np.array([206, 200, 188])
+BACK = np.array([150, 120, 105])
+LIGHT = np.array([-0.45, 0.5, 0.74])
+
+
+def relief(points: Floats, faces: Ints, *, height: int = 900, tilt: float = 50.0) -> Pixels:
+    """Draw a mesh as a shaded surface, seen from the front and from above.
+
+    Parameters
+    ----------
+    points : (n, 3) float64 [mm]
+        z up, y away from the viewer.
+    faces : (m, 3) int32
+    height : int
+        Rows of the picture; its columns follow from the shape of what is seen.
+    tilt : float
+        Degrees from straight above (0) towards the front (90).
+
+    Returns
+    -------
+    (rows, cols, 3) uint8
+    """
+    t = np.radians(tilt)
+    right, up = points[:, 0], points[:, 1] * np.cos(t) + points[:, 2] * np.sin(t)
+    towards = -points[:, 1] * np.sin(t) + points[:, 2] * np.cos(t)
+    scale = 0.9 * height / max(np.ptp(up), 0.6 * np.ptp(right), 1e-12)
+    width = int(np.ceil(np.ptp(right) * scale / 0.9))
+    xy = np.c_[right - (right.max() + right.min()) / 2, (up.max() + up.min()) / 2 - up] * scale
+    xy += np.array([width / 2, height / 2])
+    face, w = rasterise(xy, faces, (height, width), nearness=towards)
+    picture = np.tile(BACKGROUND, (height, width, 1))
+    seen = face >= 0
+    normals = _point_normals(points, faces)
+    corners, b = faces[face[seen]], w[seen]
+    weights = np.c_[1 - b.sum(axis=1), b]
+    normal = np.einsum("pk,pkd->pd", weights, normals[corners])
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
+    front = normal @ [0, -np.sin(t), np.cos(t)] > 0
+    light = LIGHT / np.linalg.norm(LIGHT)
+    shade = 0.35 + 0.75 * np.abs(normal @ light)[:, None]
+    picture[seen] = np.clip(np.where(front[:, None], PAPER, BACK) * shade, 0, 255).astype(np.uint8)
+    return picture
+
+
+def side_by_side(pictures: Sequence[Pixels], *, height: int = 900, gap: int = 24) -> Pixels:
+    """Bring pictures to one height and set them in a row on a light ground.
+
+    Parameters
+    ----------
+    pictures : sequence of (rows, cols) or (rows, cols, 3), uint8, uint16 or bool
+    height : int
+        Of every picture, in pixels.
+    gap : int
+        Pixels around and between.
+    """
+    import cv2
+
+    row = []
+    for picture in pictures:
+        eight = _eight_bit(picture)
+        rows, cols = eight.shape[:2]
+        size = (max(1, round(cols * height / rows)), height)
+        row.append(cv2.resize(eight, size, interpolation=cv2.INTER_AREA if rows > height else cv2.INTER_CUBIC))
+    total = sum(p.shape[1] for p in row) + gap * (len(row) + 1)
+    sheet = np.tile(np.array([225, 225, 222], np.uint8), (height + 2 * gap, total, 1))
+    at = gap
+    for picture in row:
+        sheet[gap : gap + height, at : at + picture.shape[1]] = picture
+        at += picture.shape[1] + gap
+    return sheet
+
+
+def _eight_bit(picture: Pixels) -> Pixels:
+    if picture.dtype == bool:
+        picture = np.where(picture, 255, 0).astype(np.uint8)
+    elif picture.dtype == np.uint16:
+        picture = (picture >> 8).astype(np.uint8)
+    return picture if picture.ndim == 3 else np.repeat(picture[..., None], 3, axis=2)
+
+
+def _point_normals(points: Floats, faces: Ints) -> Floats:
+    """(n, 3) mean direction of the faces around every point, by area."""
+    vectors = area_vectors(points, faces)
+    normals = np.stack(
+        [sum(np.bincount(faces[:, k], vectors[:, d], len(points)) for k in range(3)) for d in range(3)], axis=1
+    )
+    return np.asarray(normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12))
