@@ -106,7 +106,8 @@ def test_the_photo_tells_which_side_is_printed(per_corner):
         np.cross(*(m.points[m.faces[:, k]] - m.points[m.faces[:, 0]] for k in (1, 2)))[:, 2] > 0
         for m in (right.scan.mesh, wrong.scan.mesh)
     ]
-    assert up[0].all() and up[1].all()
+    assert up[0].all()
+    assert up[1].all()
     if per_corner:  # every corner kept its own place in the photo
         np.testing.assert_allclose(wrong.scan.photo_xy, points[wrong.scan.mesh.faces][..., :2] * [1, -1])
 
@@ -146,11 +147,12 @@ def test_a_seam_that_was_cut_on_purpose_stays_open(slope):
 def test_dust_is_left_out_and_a_second_sheet_is_kept():
     points, faces = sheet()
     speck = np.array([[900.0, 0, 0], [901, 0, 0], [900, 1, 0]])
-    c = clean(scan_of(np.r_[points, speck], np.r_[faces, [[0, 1, 2] + np.int32(len(points))]]))
+    c = clean(scan_of(np.r_[points, speck], np.r_[faces, [len(points) + np.arange(3)]]))
     assert c.pieces == 1
     assert "1 small loose pieces" in c.warnings[0]
     c = clean(scan_of(np.r_[points, points + [400, 0, 0]], np.r_[faces, faces + len(points)]))
     assert c.pieces == 2
+    assert "in 2 pieces" in c.warnings[0]
 
 
 def box():

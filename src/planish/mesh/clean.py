@@ -275,6 +275,8 @@ def _assemble(
         raise InputError(
             "the surface is closed, without a border; a sheet of paper has one, so cut the mesh open first"
         )
+    if pieces > 1:
+        warnings.append(f"the scan is in {pieces} pieces; each is flattened, and all are laid on one page")
     cleaned = Scan(mesh, scan.photo, photo_xy, scan.camera, scan.icc)
     return Cleaned(cleaned, topo, place, pieces, max(loops - pieces, 0), warnings)
 
