@@ -1,3 +1,80 @@
-"""planish: a 3D scan of a warped document goes in; the page comes out flat, at its true size in millimetres."""
+"""planish: a 3D scan of a warped document goes in; the page comes out flat, at its true size in millimetres.
+
+>>> import planish
+>>> made = planish.gallery.virtual_scan(planish.gallery.sheet("book"), points=3000, photo_px=(1000, 750))
+>>> done = planish.restore(made.scan)
+>>> done.report.outcome
+'The sheet lies flat on the plane and its sticks have come to rest.'
+>>> done.rendered.pixels.shape
+(3300, 2550, 3)
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
 
 __version__ = "0.1.0"
+
+if TYPE_CHECKING:
+    from planish import gallery
+    from planish.errors import InputError, OutputError, PlanishError, UsageError
+    from planish.io import read_camera, read_photo, read_scan, write_flat, write_json, write_page, write_scan
+    from planish.pipeline import flatten, restore
+    from planish.settings import FlattenSettings, RenderSettings, RestoreSettings
+    from planish.types import Camera, Flattening, Mesh, Outcome, Page, Report, Restoration, Scan
+
+_WHERE = {
+    "gallery": "planish.gallery",
+    **dict.fromkeys(("InputError", "OutputError", "PlanishError", "UsageError"), "planish.errors"),
+    **dict.fromkeys(
+        ("read_camera", "read_photo", "read_scan", "write_flat", "write_json", "write_page", "write_scan"), "planish.io"
+    ),
+    **dict.fromkeys(("flatten", "restore"), "planish.pipeline"),
+    **dict.fromkeys(("FlattenSettings", "RenderSettings", "RestoreSettings"), "planish.settings"),
+    **dict.fromkeys(
+        ("Camera", "Flattening", "Mesh", "Outcome", "Page", "Report", "Restoration", "Scan"), "planish.types"
+    ),
+}
+
+__all__ = [
+    "Camera",
+    "FlattenSettings",
+    "Flattening",
+    "InputError",
+    "Mesh",
+    "Outcome",
+    "OutputError",
+    "Page",
+    "PlanishError",
+    "RenderSettings",
+    "Report",
+    "Restoration",
+    "RestoreSettings",
+    "Scan",
+    "UsageError",
+    "flatten",
+    "gallery",
+    "read_camera",
+    "read_photo",
+    "read_scan",
+    "restore",
+    "write_flat",
+    "write_json",
+    "write_page",
+    "write_scan",
+]
+
+
+def __getattr__(name: str) -> object:
+    """Load what is asked for and no more: `planish --help` should not wait for compilers and image codecs."""
+    if name not in _WHERE:
+        raise AttributeError(f"module 'planish' has no attribute {name!r}")
+    module = import_module(_WHERE[name])
+    found = module if name == "gallery" else getattr(module, name)
+    globals()[name] = found
+    return found
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *__all__])

@@ -12,6 +12,9 @@ from planish.errors import UsageError
 
 Lengths = Literal["smooth", "unfolded", "straight"]
 Method = Literal["multigrid", "verlet"]
+Binarization = Literal[
+    "none", "otsu", "sauvola", "niblack", "wolf", "nick", "gatos", "su", "isauvola", "wan", "trsingh", "bataineh"
+]
 Rotation = Literal["auto", "0", "90", "180", "270"]
 
 
@@ -101,6 +104,32 @@ class RenderSettings:
 
 
 @dataclass(frozen=True, kw_only=True)
+class BinarizeSettings:
+    """How the page becomes black and white.
+
+    Attributes
+    ----------
+    binarize : {"none", "otsu", "sauvola", "niblack", "wolf", "nick", "gatos", "su", "isauvola", "wan", "trsingh", \
+"bataineh"}
+        The threshold's method. otsu has one threshold for the page, all others one for every neighbourhood.
+    window_mm : float
+        Side of the neighbourhood on the page: about three lines of text high.
+    k : float
+        Sauvola's and Wolf's weight of the contrast: more gives thinner strokes, less picks up stains.
+    """
+
+    binarize: Binarization = "sauvola"
+    window_mm: float = 6.0
+    k: float = 0.34
+
+    def __post_init__(self) -> None:
+        if not 0.1 <= self.window_mm <= 1000:
+            raise UsageError(f"window_mm must be between 0.1 and 1000, not {self.window_mm}")
+        if not 0 < self.k < 1:
+            raise UsageError(f"k must be between 0 and 1, not {self.k}")
+
+
+@dataclass(frozen=True, kw_only=True)
 class RestoreSettings:
     """The whole walk: the settings of each stage, and the way round of the page.
 
@@ -108,10 +137,12 @@ class RestoreSettings:
     ----------
     flatten : FlattenSettings
     render : RenderSettings
+    binarize : BinarizeSettings
     rotate : {"auto", "0", "90", "180", "270"}
         auto: long side upright, the photo's top on top. A number: clockwise turn from the photo's way round.
     """
 
     flatten: FlattenSettings = field(default_factory=FlattenSettings)
     render: RenderSettings = field(default_factory=RenderSettings)
+    binarize: BinarizeSettings = field(default_factory=BinarizeSettings)
     rotate: Rotation = "auto"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 
 from planish.mesh.topology import Topology
 from planish.types import Floats, Ints
@@ -10,8 +11,20 @@ from planish.types import Floats, Ints
 
 def area_vectors(points: Floats, faces: Ints) -> Floats:
     """(m, 3) normals of the faces, as long as the faces are large [mm^2]; corners run counter-clockwise around them."""
-    a, b, c = (points[faces[:, k]] for k in range(3))
-    return np.asarray(0.5 * np.cross(b - a, c - a))
+    return np.asarray(_area_vectors(points, faces))
+
+
+@njit(cache=True)
+def _area_vectors(points, faces):  # type: ignore[no-untyped-def]
+    out = np.empty((len(faces), 3))
+    for f in range(len(faces)):
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        ux, uy, uz = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]
+        vx, vy, vz = points[c, 0] - points[a, 0], points[c, 1] - points[a, 1], points[c, 2] - points[a, 2]
+        out[f, 0] = 0.5 * (uy * vz - uz * vy)
+        out[f, 1] = 0.5 * (uz * vx - ux * vz)
+        out[f, 2] = 0.5 * (ux * vy - uy * vx)
+    return out
 
 
 def border_loops(topology: Topology) -> int:

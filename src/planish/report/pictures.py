@@ -10,6 +10,7 @@ from planish.mesh import area_vectors, rasterise
 from planish.types import Floats, Ints, Pixels
 
 BACKGROUND = np.array([250, 250, 248], np.uint8)
+GROUND = np.array([225, 225, 222], np.uint8)
 PAPER = np.array([206, 200, 188])
 BACK = np.array([150, 120, 105])
 LIGHT = np.array([-0.45, 0.5, 0.74])
@@ -54,32 +55,37 @@ def relief(points: Floats, faces: Ints, *, height: int = 900, tilt: float = 50.0
     return picture
 
 
-def side_by_side(pictures: Sequence[Pixels], *, height: int = 900, gap: int = 24) -> Pixels:
-    """Bring pictures to one height and set them in a row on a light ground.
+def side_by_side(pictures: Sequence[Pixels], *, columns: int = 6, height: int = 900, gap: int = 24) -> Pixels:
+    """Bring pictures to one height and set them in rows on a light ground.
 
     Parameters
     ----------
     pictures : sequence of (rows, cols) or (rows, cols, 3), uint8, uint16 or bool
+    columns : int
+        Pictures in a row.
     height : int
         Of every picture, in pixels.
     gap : int
         Pixels around and between.
     """
+    small = [_of_height(_eight_bit(picture), height) for picture in pictures]
+    rows = [small[k : k + columns] for k in range(0, len(small), columns)]
+    widths = [sum(p.shape[1] + gap for p in row) + gap for row in rows]
+    sheet = np.full((len(rows) * (height + gap) + gap, max(widths), 3), GROUND, np.uint8)
+    for k, (row, width) in enumerate(zip(rows, widths, strict=True)):
+        top, left = gap + k * (height + gap), gap + (max(widths) - width) // 2
+        for picture in row:
+            sheet[top : top + height, left : left + picture.shape[1]] = picture
+            left += picture.shape[1] + gap
+    return sheet
+
+
+def _of_height(picture: Pixels, height: int) -> Pixels:
     import cv2
 
-    row = []
-    for picture in pictures:
-        eight = _eight_bit(picture)
-        rows, cols = eight.shape[:2]
-        size = (max(1, round(cols * height / rows)), height)
-        row.append(cv2.resize(eight, size, interpolation=cv2.INTER_AREA if rows > height else cv2.INTER_CUBIC))
-    total = sum(p.shape[1] for p in row) + gap * (len(row) + 1)
-    sheet = np.tile(np.array([225, 225, 222], np.uint8), (height + 2 * gap, total, 1))
-    at = gap
-    for picture in row:
-        sheet[gap : gap + height, at : at + picture.shape[1]] = picture
-        at += picture.shape[1] + gap
-    return sheet
+    rows, cols = picture.shape[:2]
+    size = (max(1, round(cols * height / rows)), height)
+    return np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA if rows > height else cv2.INTER_CUBIC))
 
 
 def _eight_bit(picture: Pixels) -> Pixels:

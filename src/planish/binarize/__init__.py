@@ -1,0 +1,5 @@
+"""Black and white: which pixels are ink."""
+
+from planish.binarize.threshold import binarize
+
+__all__ = ["binarize"]

@@ -1,0 +1,75 @@
+"""What the commands say while they work and when they are done."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
+
+from planish.io import ReadScan
+from planish.types import Report
+
+WORDS = {
+    "read": "Reading",
+    "scan": "Scanning the sheet",
+    "clean": "Cleaning the mesh",
+    "flatten": "Flattening",
+    "turn": "Turning the page",
+    "render": "Drawing the page",
+    "unshade": "Removing the shading",
+    "binarize": "Binarizing",
+    "measure": "Measuring",
+    "write": "Writing",
+}
+
+
+@contextmanager
+def progress(*, quiet: bool) -> Iterator[Callable[[str, float], None]]:
+    """A bar on stderr that names the stage, when a person is looking; else silence."""
+    if quiet or not sys.stderr.isatty():
+        yield lambda name, share: None
+        return
+    columns = (TextColumn("{task.description:<22}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bars:
+        task = bars.add_task("", total=1.0)
+
+        def tell(name: str, share: float) -> None:
+            bars.update(task, description=WORDS.get(name, name), completed=share)
+
+        yield tell
+
+
+def with_files(report: Report, found: ReadScan, read: float, written: float) -> Report:
+    """The report with what reading and writing add to it: seconds, the unit, warnings."""
+    seconds = {"read": read, **report.seconds, "write": written}
+    return replace(
+        report,
+        seconds=seconds,
+        seconds_total=sum(seconds.values()),
+        scan=replace(report.scan, unit=found.unit),
+        warnings=[*found.warnings, *report.warnings],
+    )
+
+
+def show(report: Report, written: list[str], *, quiet: bool, verbose: bool) -> None:
+    """Print the short table for a person, and the warnings for everybody."""
+    from rich.table import Table
+
+    from planish.report import summary
+
+    errors = Console(stderr=True, highlight=False, soft_wrap=True, markup=False)
+    for warning in report.warnings:
+        if not quiet:
+            errors.print(f"planish: note: {warning}")
+    if not report.settled:
+        errors.print(f"planish: {report.outcome} The result was written all the same.")
+    if quiet or not (verbose or sys.stdout.isatty()):
+        return
+    table = Table(show_header=False, box=None, pad_edge=False)
+    for what, how_much in [*summary(report), *(("written", name) for name in written)]:
+        table.add_row(what, how_much)
+    Console(highlight=False, markup=False).print(table)

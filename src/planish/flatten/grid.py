@@ -1,0 +1,253 @@
+"""A preconditioner for the sticks: elasticity on a regular grid under the sheet, by multigrid.
+
+To long waves a net of sticks is an elastic sheet. For sticks in all directions its stiffness is that of the
+isotropic material with C_1111 = 3/8 and C_1122 = C_1212 = 1/8 times the sum of w r^2 over the area. On squares
+with bilinear displacements u, v the energy of that material couples, for each cell of stiffness kappa,
+
+    a corner with itself        kappa (1/6 in uu and vv, sigma/16 in uv)
+    with its neighbour along x  kappa (-5/48 in uu, 1/48 in vv)
+    with its neighbour along y  kappa (1/48 in uu, -5/48 in vv)
+    with the corner across      kappa (-1/12 in uu and vv, -sigma/16 in uv)
+
+where sigma is 1 at the lower left and upper right corner and -1 at the others. Short waves are left to each point's
+own block of the Hessian.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from planish.flatten.crew import Crew
+from planish.flatten.energy import Net, stiffness
+from planish.types import Floats, Ints
+
+Float32s = NDArray[np.float32]
+
+ONE, QUARTER = np.float32(1), np.float32(0.25)
+SELF, SHEAR = np.float32(1 / 6), np.float32(1 / 16)
+ALONG, ASIDE, ACROSS = np.float32(-5 / 48), np.float32(1 / 48), np.float32(-1 / 12)
+
+CELL = 2.0
+"""Side of a cell in median edges. From 1.5 to 3 the number of steps does not change."""
+
+POINT_SHARE = 0.6
+"""Part of the step that a point's own block asks for. From 0.4 to 0.8 the number of steps does not change."""
+
+DAMPING = 0.05
+"""Share of a point's mean stiffness added to its block, which has no grip across a straight row of sticks."""
+
+SWEEPS = 8
+"""Sweeps that stand for an exact solution on the coarsest grid, of two cells at most either way."""
+
+
+class Grid(NamedTuple):
+    """What the preconditioner is made of.
+
+    Attributes
+    ----------
+    node : (n,) int32
+        Lower left node of the cell that each point lies in, counted row by row.
+    share : (n, 2) float32
+        Where in its cell a point lies, 0 to 1 along x and y.
+    block : (n, 3) float32
+        Inverse xx, xy, yy of each point's own stiffness.
+    kappa : tuple of (rows + 2, cols + 2) float32
+        Stiffness of the cells of each level, finest first, with a rim of zeros.
+    """
+
+    node: Ints
+    share: Float32s
+    block: Float32s
+    kappa: tuple[Float32s, ...]
+
+
+def make_grid(net: Net, xy: Floats, edges: int, run: Crew) -> Grid:
+    """Build the preconditioner for sticks that lie as they do in `xy`."""
+    side = CELL * float(np.median(net.rest[:edges]))
+    low = xy.min(0)
+    width, height = xy.max(0) - low
+    side = max(side, np.sqrt(width * height / (len(xy) + 16)), (width + height) / (len(xy) + 16)) or 1.0
+    cols, rows = int(width / side) + 1, int(height / side) + 1
+    finest = np.zeros((rows + 2, cols + 2), np.float32)
+    node, share = np.empty(len(xy), np.int32), np.empty((len(xy), 2), np.float32)
+    run(_locate, len(xy), xy, low, side, cols, node, share)
+    _spread(net, xy, low, side, finest)
+    block = np.empty((len(xy), 3), np.float32)
+    run(_invert, len(xy), stiffness(net, xy, run), block)
+    return Grid(node, share, block, _coarsen(finest))
+
+
+def precondition(grid: Grid, force: Floats, run: Crew) -> Floats:
+    """(n, 2) step that a force on each point asks for; a symmetric and positive definite map."""
+    step = np.empty_like(force)
+    load = _nodes(grid.kappa[0])
+    _restrict(grid.node, grid.share, force, load)
+    wave = _cycle(grid.kappa, load)
+    run(_prolong, len(force), grid.node, grid.share, grid.block, wave, force, step)
+    return step
+
+
+def _coarsen(finest: Float32s) -> tuple[Float32s, ...]:
+    levels = [finest]
+    while max(levels[-1].shape) > 4:
+        fine = levels[-1][1:-1, 1:-1]
+        rows, cols = (fine.shape[0] + 1) // 2, (fine.shape[1] + 1) // 2
+        whole = np.zeros((2 * rows, 2 * cols), np.float32)
+        whole[: fine.shape[0], : fine.shape[1]] = fine
+        levels.append(np.pad(0.25 * whole.reshape(rows, 2, cols, 2).sum((1, 3)), 1))
+    return tuple(levels)
+
+
+def _nodes(kappa: Float32s) -> Float32s:
+    """Zeros for x and y at every node between the cells, with a rim of nodes that stay so."""
+    return np.zeros((kappa.shape[0] + 1, kappa.shape[1] + 1, 2), np.float32)
+
+
+def _cycle(kappa: tuple[Float32s, ...], load: Float32s) -> Float32s:
+    """One V-cycle: a sweep on each level, down; a sweep in the opposite order on each level, up."""
+    wave = np.zeros_like(load)
+    if len(kappa) == 1:
+        for _ in range(SWEEPS):
+            _sweep(kappa[0], load, wave, False)
+            _sweep(kappa[0], load, wave, True)
+        return wave
+    _sweep(kappa[0], load, wave, False)
+    coarse = _nodes(kappa[1])
+    _restrict_rest(kappa[0], load, wave, coarse)
+    _add_wave(_cycle(kappa[1:], coarse), wave)
+    _sweep(kappa[0], load, wave, True)
+    return wave
+
+
+@njit(cache=True, nogil=True)
+def _locate(first, last, xy, low, side, cols, node, share):  # type: ignore[no-untyped-def]
+    for i in range(first, last):
+        x, y = (xy[i, 0] - low[0]) / side, (xy[i, 1] - low[1]) / side
+        node[i] = int(y) * (cols + 1) + int(x)
+        share[i, 0], share[i, 1] = x - int(x), y - int(y)
+
+
+@njit(cache=True, nogil=True)
+def _spread(net, xy, low, side, kappa):  # type: ignore[no-untyped-def]
+    """Add w r^2 / side^2 of each stick to the cells that its ends lie in, half to each."""
+    pairs, rest, weight = net.pairs, net.rest, net.weight
+    for s in range(len(rest)):
+        half = 0.5 * weight[s] * (rest[s] / side) ** 2
+        for end in range(2):
+            i = pairs[s, end]
+            kappa[int((xy[i, 1] - low[1]) / side) + 1, int((xy[i, 0] - low[0]) / side) + 1] += half
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _invert(first, last, stiffness, block):  # type: ignore[no-untyped-def]
+    for i in range(first, last):
+        a, b, c = stiffness[i, 0], stiffness[i, 1], stiffness[i, 2]
+        extra = DAMPING * 0.5 * (a + c)
+        a += extra
+        c += extra
+        determinant = a * c - b * b
+        scale = POINT_SHARE / determinant if determinant > 0.0 else 0.0
+        block[i, 0], block[i, 1], block[i, 2] = scale * c, -scale * b, scale * a
+
+
+@njit(cache=True, nogil=True)
+def _restrict(node, share, force, load):  # type: ignore[no-untyped-def]
+    cols = load.shape[1] - 2
+    for i in range(len(node)):
+        r, c = node[i] // cols + 1, node[i] % cols + 1
+        s, t = share[i, 0], share[i, 1]
+        for d in range(2):
+            f = np.float32(force[i, d])
+            low, high = (ONE - t) * f, t * f
+            load[r, c, d] += (ONE - s) * low
+            load[r, c + 1, d] += s * low
+            load[r + 1, c, d] += (ONE - s) * high
+            load[r + 1, c + 1, d] += s * high
+
+
+@njit(cache=True, nogil=True)
+def _prolong(first, last, node, share, block, wave, force, step):  # type: ignore[no-untyped-def]
+    cols = wave.shape[1] - 2
+    for i in range(first, last):
+        r, c = node[i] // cols + 1, node[i] % cols + 1
+        s, t = share[i, 0], share[i, 1]
+        for d in range(2):
+            below = (ONE - s) * wave[r, c, d] + s * wave[r, c + 1, d]
+            above = (ONE - s) * wave[r + 1, c, d] + s * wave[r + 1, c + 1, d]
+            step[i, d] = (ONE - t) * below + t * above
+        step[i, 0] += block[i, 0] * force[i, 0] + block[i, 1] * force[i, 1]
+        step[i, 1] += block[i, 1] * force[i, 0] + block[i, 2] * force[i, 1]
+
+
+@njit(cache=True, nogil=True)
+def _pull(kappa, wave, r, c):  # type: ignore[no-untyped-def]
+    """Force on node (r, c) by the nodes around it."""
+    sw, se, nw, ne = kappa[r - 1, c - 1], kappa[r - 1, c], kappa[r, c - 1], kappa[r, c]
+    west, east, south, north = sw + nw, se + ne, sw + se, nw + ne
+    u = ALONG * (west * wave[r, c - 1, 0] + east * wave[r, c + 1, 0])
+    u += ASIDE * (south * wave[r - 1, c, 0] + north * wave[r + 1, c, 0])
+    v = ASIDE * (west * wave[r, c - 1, 1] + east * wave[r, c + 1, 1])
+    v += ALONG * (south * wave[r - 1, c, 1] + north * wave[r + 1, c, 1])
+    rising_u = sw * wave[r - 1, c - 1, 0] + ne * wave[r + 1, c + 1, 0]
+    rising_v = sw * wave[r - 1, c - 1, 1] + ne * wave[r + 1, c + 1, 1]
+    falling_u = se * wave[r - 1, c + 1, 0] + nw * wave[r + 1, c - 1, 0]
+    falling_v = se * wave[r - 1, c + 1, 1] + nw * wave[r + 1, c - 1, 1]
+    u += ACROSS * (rising_u + falling_u) - SHEAR * (rising_v - falling_v)
+    v += ACROSS * (rising_v + falling_v) - SHEAR * (rising_u - falling_u)
+    return -u, -v
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _sweep(kappa, load, wave, backwards):  # type: ignore[no-untyped-def]
+    """Gauss-Seidel: each node in turn goes where the forces on it cancel."""
+    rows, cols = load.shape[0], load.shape[1]
+    for row in range(1, rows - 1):
+        r = rows - 1 - row if backwards else row
+        for col in range(1, cols - 1):
+            c = cols - 1 - col if backwards else col
+            rising, falling = kappa[r - 1, c - 1] + kappa[r, c], kappa[r - 1, c] + kappa[r, c - 1]
+            a, b = SELF * (rising + falling), SHEAR * (rising - falling)
+            if a <= 0.0:
+                continue
+            u, v = _pull(kappa, wave, r, c)
+            u += load[r, c, 0]
+            v += load[r, c, 1]
+            scale = ONE / (a * a - b * b)
+            wave[r, c, 0] = scale * (a * u - b * v)
+            wave[r, c, 1] = scale * (a * v - b * u)
+
+
+@njit(cache=True, nogil=True)
+def _restrict_rest(kappa, load, wave, coarse):  # type: ignore[no-untyped-def]
+    """Bring the forces that are left after a sweep to the next coarser grid."""
+    for r in range(1, load.shape[0] - 1):
+        for c in range(1, load.shape[1] - 1):
+            rising, falling = kappa[r - 1, c - 1] + kappa[r, c], kappa[r - 1, c] + kappa[r, c - 1]
+            a, b = SELF * (rising + falling), SHEAR * (rising - falling)
+            if a <= 0.0:
+                continue
+            u, v = _pull(kappa, wave, r, c)
+            u += load[r, c, 0] - a * wave[r, c, 0] - b * wave[r, c, 1]
+            v += load[r, c, 1] - a * wave[r, c, 1] - b * wave[r, c, 0]
+            # Node (r, c) lies on coarse node ((r + 1) / 2, (c + 1) / 2) or midway between two or four of them.
+            top, left = (r + 1) // 2, (c + 1) // 2
+            for at_r in range(top, top + 2 - r % 2):
+                for at_c in range(left, left + 2 - c % 2):
+                    share = ONE / ((2 - r % 2) * (2 - c % 2))
+                    coarse[at_r, at_c, 0] += share * u
+                    coarse[at_r, at_c, 1] += share * v
+
+
+@njit(cache=True, nogil=True)
+def _add_wave(coarse, wave):  # type: ignore[no-untyped-def]
+    for r in range(1, wave.shape[0] - 1):
+        for c in range(1, wave.shape[1] - 1):
+            top, left = (r + 1) // 2, (c + 1) // 2
+            down, right = top + 1 - r % 2, left + 1 - c % 2
+            for d in range(2):
+                total = coarse[top, left, d] + coarse[top, right, d] + coarse[down, left, d] + coarse[down, right, d]
+                wave[r, c, d] += QUARTER * total

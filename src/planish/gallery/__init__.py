@@ -1,0 +1,20 @@
+"""Sheets bent in exactly known ways and a virtual scanner: truth for tests, benchmarks and the demo."""
+
+from planish.gallery.light import Light
+from planish.gallery.meshes import OUTLINES, sheet_mesh
+from planish.gallery.scanner import VirtualScan, virtual_scan
+from planish.gallery.sheets import SHEETS, Sheet, sheet
+from planish.gallery.typeset import typeset_page, typeset_sheet
+
+__all__ = [
+    "OUTLINES",
+    "SHEETS",
+    "Light",
+    "Sheet",
+    "VirtualScan",
+    "sheet",
+    "sheet_mesh",
+    "typeset_page",
+    "typeset_sheet",
+    "virtual_scan",
+]

@@ -1,0 +1,233 @@
+"""Triangle meshes of the known sheets, as scanners and mesh programs deliver them, without a photo."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse, spatial
+
+from planish.errors import UsageError
+from planish.gallery.noise import Noise, noise_at
+from planish.gallery.sheets import Sheet
+from planish.mesh import topology
+from planish.types import Bools, Floats, Ints, Mesh
+
+Layout = Literal["range", "grid", "delaunay"]
+Segment = tuple[tuple[float, float], tuple[float, float]]
+
+SCANNER_MM = np.array([3.0, -2.0, 650.0])
+"""Where the range scanner of the gallery stands, over the table's origin."""
+
+TURN_DEG = 7.0
+"""Of the pixels of layout "range" against the sheet, so that its border runs in steps as a scan's does."""
+
+CRUMB = 0.01
+"""Pieces with less than this share of the faces are dropped, as scanner programs do."""
+
+
+def _ring(at: Floats) -> Bools:
+    slit = (at[:, 0] > 0.5) & (np.abs(at[:, 1] - 0.5) < 0.01)
+    inside: Bools = (np.abs(np.hypot(*(at - 0.5).T) - 0.4) < 0.09) & ~slit
+    return inside
+
+
+OUTLINES: dict[str, Callable[[Floats], Bools]] = {
+    "c": lambda at: (at[:, 0] < 0.2) | (np.abs(at[:, 1] - 0.5) > 0.3),
+    "ring": _ring,
+    "comb": lambda at: (at[:, 0] < 0.15) | (np.floor(at[:, 1] * 15) % 2 == 0),
+}
+"""Slender shapes to cut from a sheet: (k, 2) places, 0 to 1 both ways -> which belong to it."""
+
+
+def sheet_mesh(
+    sheet: Sheet,
+    points: int = 300_000,
+    *,
+    layout: Layout = "range",
+    outline: str | Callable[[Floats], Bools] | None = None,
+    holes: int = 0,
+    cuts: Sequence[Segment] = (),
+    noise_mm: Noise = 0.0,
+    noise_correlation_px: float = 0.0,
+    rng: np.random.Generator | int = 0,
+) -> tuple[Mesh, Floats]:
+    """Lay a triangle mesh over a whole sheet, also where no scanner would see it.
+
+    Parameters
+    ----------
+    sheet : Sheet
+    points : int
+        About how many, before outline, holes and cuts take theirs.
+    layout : {"range", "grid", "delaunay"}
+        range: square pixels turned by 7 degrees against the sheet, border in steps, errors along the ray to a scanner
+        650 mm above. grid: rows and columns of the sheet from border to border, errors along the ray. delaunay:
+        random places in random order, with slivers, whole border; errors the same in all three directions.
+    outline : str or callable, optional
+        "c", "ring" (cut open) or "comb"; or a function of (k, 2) places, 0 to 1 both ways, -> (k,) bool.
+    holes : int
+        Round ones, at random places.
+    cuts : sequence of ((x, y), (x, y)) [mm on the page]
+        Faces across these segments are taken out.
+    noise_mm : float or (float, float)
+        Standard deviation of the errors; two numbers: from the top left to the bottom right corner.
+    noise_correlation_px : float
+        Over how many points the errors are alike; see `noise.noise_at`.
+    rng : numpy.random.Generator or int
+        Source of all that is random here, or its seed.
+
+    Returns
+    -------
+    mesh : Mesh
+    truth_xy : (n, 2) float64 [mm]
+        Where every point of the mesh lies on the flat page.
+
+    Examples
+    --------
+    >>> from planish.gallery import sheet
+    >>> mesh, truth_xy = sheet_mesh(sheet("flat"), 1000, layout="grid")
+    >>> np.ptp(mesh.points, axis=0).round(6), np.ptp(truth_xy, axis=0)
+    (array([215.9, 279.4,   0. ]), array([215.9, 279.4]))
+    """
+    rng = np.random.default_rng(rng)
+    size = np.array([sheet.width_mm, sheet.height_mm])
+    page_xy, faces, lattice_rc = _LAYOUTS[layout](sheet, points, rng)
+    keep = np.ones(len(faces), bool)
+    for inside in _regions(outline, holes, rng):
+        keep &= inside(page_xy / size)[faces].all(axis=1) & inside(page_xy[faces].mean(axis=1) / size)
+    for cut in cuts:
+        keep &= ~_crossed(page_xy[faces], np.asarray(cut, np.float64))
+    used, faces = without_crumbs(faces[keep], len(page_xy))
+    page_xy, lattice_rc = page_xy[used], lattice_rc[used]
+
+    place = sheet.bend(page_xy)
+    error = noise_at(lattice_rc, page_xy / size, noise_mm, noise_correlation_px, rng, 3 if layout == "delaunay" else 1)
+    if layout != "delaunay":
+        ray = place - SCANNER_MM
+        error = error * ray / np.linalg.norm(ray, axis=1, keepdims=True)
+    return Mesh(place + error, faces), page_xy
+
+
+def lattice_faces(index: Ints, points: Floats, greatest_step: float = np.inf) -> Ints:
+    """Join neighbouring pixels of a range image by triangles, counter-clockwise as the image is seen.
+
+    Parameters
+    ----------
+    index : (rows, cols) int32
+        Row of `points` that each pixel holds; -1 where it holds none.
+    points : (n, d) float64
+        The shorter diagonal of four pixels is taken.
+    greatest_step : float
+        Two pixels whose last coordinates differ by more are not joined (a depth jump).
+
+    Examples
+    --------
+    >>> lattice_faces(np.array([[0, 1], [2, -1]], np.int32), np.eye(3)).tolist()
+    [[0, 2, 1]]
+    """
+    a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, :-1], index[1:, 1:]
+    there = [corner >= 0 for corner in (a, b, c, d)]
+    full = np.logical_and.reduce(there)
+    falling = np.linalg.norm(points[a] - points[d], axis=-1) <= np.linalg.norm(points[b] - points[c], axis=-1)
+    triangles = []
+    for corners, lone in (((a, c, b), 3), ((c, d, b), 0), ((a, c, d), 1), ((a, d, b), 2)):
+        three = np.logical_and.reduce([there[k] for k in range(4) if k != lone])
+        split = (full & (falling == (lone in (1, 2)))) | (three & ~there[lone])
+        triangles.append(np.stack([corner[split] for corner in corners], axis=1))
+    faces = np.concatenate(triangles)
+    return np.ascontiguousarray(faces[np.ptp(points[faces][..., -1], axis=1) <= greatest_step])
+
+
+def without_crumbs(faces: Ints, point_count: int) -> tuple[NDArray[np.int64], Ints]:
+    """Drop pieces that hang together with the rest by less than an edge and are small, and points without faces.
+
+    Returns
+    -------
+    used : (k,) int64
+        Rows of the points that are left, in their order.
+    faces : (m, 3) int32
+        Of those points.
+    """
+    pairs = topology(faces, point_count).edge_faces
+    pairs = pairs[pairs[:, 1] >= 0]
+    links = sparse.coo_matrix((np.ones(len(pairs), bool), tuple(pairs.T)), shape=(len(faces), len(faces)))
+    piece = sparse.csgraph.connected_components(links, directed=False)[1]
+    faces = faces[np.bincount(piece)[piece] >= CRUMB * len(faces)]
+    used = np.zeros(point_count, bool)
+    used[faces] = True
+    return np.flatnonzero(used), (np.cumsum(used, dtype=np.int32) - 1)[faces]
+
+
+def _range_layout(sheet: Sheet, points: int, rng: np.random.Generator) -> tuple[Floats, Ints, NDArray[np.int64]]:
+    size = np.array([sheet.width_mm, sheet.height_mm])
+    spacing = np.sqrt(size.prod() / points)
+    half = int(np.hypot(*size) / spacing / 2) + 1
+    rows, cols = np.mgrid[-half : half + 1, -half : half + 1]
+    cos, sin = np.cos(np.radians(TURN_DEG)), np.sin(np.radians(TURN_DEG))
+    corner = size / 2 + spacing * rng.uniform(-0.5, 0.5, 2)
+    page_xy = spacing * np.stack([cols * cos - rows * sin, cols * sin + rows * cos], axis=-1) + corner
+    inside = ((page_xy >= 0) & (page_xy <= size)).all(axis=-1)
+    index = np.where(inside, np.cumsum(inside).reshape(inside.shape) - 1, -1).astype(np.int32)
+    page_xy = page_xy[inside]
+    return page_xy, lattice_faces(index, sheet.bend(page_xy)), np.argwhere(inside)
+
+
+def _grid_layout(sheet: Sheet, points: int, rng: np.random.Generator) -> tuple[Floats, Ints, NDArray[np.int64]]:
+    cols = max(2, round(np.sqrt(points * sheet.width_mm / sheet.height_mm)))
+    rows = max(2, round(points / cols))
+    x, y = np.meshgrid(np.linspace(0, sheet.width_mm, cols), np.linspace(0, sheet.height_mm, rows))
+    page_xy = np.stack([x.ravel(), y.ravel()], axis=1)
+    index = np.arange(rows * cols, dtype=np.int32).reshape(rows, cols)
+    return page_xy, lattice_faces(index, sheet.bend(page_xy)), np.argwhere(np.ones((rows, cols)))
+
+
+def _delaunay_layout(sheet: Sheet, points: int, rng: np.random.Generator) -> tuple[Floats, Ints, NDArray[np.int64]]:
+    size = np.array([sheet.width_mm, sheet.height_mm])
+    spacing = np.sqrt(size.prod() / points)
+    across, down = (np.linspace(0, n, max(2, round(n / spacing)), endpoint=False) for n in size)
+    top, left = np.stack([across, 0 * across], axis=1), np.stack([0 * down, size[1] - down], axis=1)
+    border = np.concatenate([top, size - top, left, size - left])
+    page_xy = np.concatenate([border, rng.uniform(0, size, (max(0, points - len(border)), 2))])
+    page_xy = rng.permutation(page_xy)
+    faces = spatial.Delaunay(page_xy).simplices.astype(np.int32)
+    u, v = page_xy[faces[:, 1]] - page_xy[faces[:, 0]], page_xy[faces[:, 2]] - page_xy[faces[:, 0]]
+    area = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
+    faces = np.where((area < 0)[:, None], faces, faces[:, ::-1])  # y is down: counter-clockwise has area < 0
+    return page_xy, faces[np.abs(area) > 1e-9], (page_xy[:, ::-1] / spacing).astype(np.int64)
+
+
+_LAYOUTS = {"range": _range_layout, "grid": _grid_layout, "delaunay": _delaunay_layout}
+
+
+def _regions(
+    outline: str | Callable[[Floats], Bools] | None, holes: int, rng: np.random.Generator
+) -> list[Callable[[Floats], Bools]]:
+    """Collect the shapes that bound a sheet, each a function of places from 0 to 1."""
+    regions: list[Callable[[Floats], Bools]] = []
+    if callable(outline):
+        regions.append(outline)
+    elif outline is not None:
+        if outline not in OUTLINES:
+            raise UsageError(f"there is no outline {outline!r}; choose one of {', '.join(OUTLINES)}")
+        regions.append(OUTLINES[outline])
+    if holes:
+        discs = np.column_stack([rng.uniform(0.08, 0.92, (holes, 2)), rng.uniform(0.015, 0.04, holes)])
+
+        def outside(at: Floats) -> Bools:
+            clear: Bools = np.logical_and.reduce([np.hypot(*(at - (x, y)).T) > radius for x, y, radius in discs])
+            return clear
+
+        regions.append(outside)
+    return regions
+
+
+def _crossed(corners: Floats, cut: Floats) -> Bools:
+    """Which triangles, (m, 3, 2), a segment, (2, 2), runs through."""
+    along = (cut[1] - cut[0]) / np.linalg.norm(cut[1] - cut[0])
+    from_start = corners - cut[0]
+    beside = from_start @ [-along[1], along[0]]
+    on = from_start @ along
+    astride = (beside.min(axis=1) <= 0) & (beside.max(axis=1) >= 0)
+    return astride & (on.max(axis=1) >= 0) & (on.min(axis=1) <= np.linalg.norm(cut[1] - cut[0]))

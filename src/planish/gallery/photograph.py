@@ -1,0 +1,210 @@
+"""The photo of a printed sheet on a table: near light, perspective, area sampling of the print."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit, prange
+from numpy.typing import NDArray
+
+from planish.gallery.light import Light, irradiance, visibility
+from planish.gallery.sheets import Sheet, normals
+from planish.gallery.sight import FineMesh, facing, interpolated, page_per_pixel, pixels_of, project, put_right
+from planish.mesh import rasterise
+from planish.types import Bools, Camera, Floats, Ints, Page
+
+PAPER = np.array([1.0, 0.985, 0.94])
+"""Reflectance of blank paper, red green blue, against that of the whitest."""
+
+INK = 0.035
+"""Of the paper's light, what solid black ink sends back."""
+
+TABLE = np.array([0.034, 0.035, 0.038])
+"""Reflectance of the table."""
+
+TABLE_CELL_MM = 1.5
+TABLE_DEPTH_MM = 0.1
+"""The table lies this little below z = 0, so that it never shows through the sheet."""
+
+FLAT_MM = 0.01
+FLAT_RAD = 0.06
+"""Faces with less sagitta, a tenth of a pixel, and less turn between their corners are drawn as flat."""
+
+BAND = 512
+"""Rows of the photo developed at a time."""
+
+
+def photograph(
+    sheet: Sheet,
+    mesh: FineMesh,
+    page: Page,
+    camera: Camera,
+    light: Light,
+    grain: float,
+    rng: np.random.Generator,
+) -> NDArray[np.uint8]:
+    """Take a photo of the sheet.
+
+    Parameters
+    ----------
+    sheet, mesh : Sheet, FineMesh
+    page : Page
+        What is printed on it; uint8, grey or colour.
+    camera : Camera
+        Its `shape_rc` is the photo's; distortion is not drawn.
+    light : Light
+    grain : float
+        Standard deviation of the sensor's noise, in levels of 255.
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    (rows, cols, 3) uint8
+    """
+    table_points, table_faces = _table(camera, len(mesh.points))
+    points, faces = np.concatenate([mesh.points, table_points]), np.concatenate([mesh.faces, table_faces])
+    pixel_xy, depth = project(camera, points)
+    face, weights = rasterise(pixel_xy, faces, camera.shape_rc, nearness=1 / depth, perspective=True)
+    front = facing(pixel_xy, mesh.faces)
+    places = interpolated(face, weights, mesh.faces, mesh.page_xy)
+    upward = normals(sheet, mesh.page_xy)
+    bent = pixels_of(face, (mesh.sagitta_mm > FLAT_MM) | (_turn(upward, mesh.faces) > FLAT_RAD))
+    places[bent] = put_right(sheet, mesh, camera, face[bent], places[bent], np.stack(bent[::-1], axis=1))
+    bright = _brightness(sheet, upward, light, points, faces, face, weights, front, bent, places[bent])
+
+    slopes = page_per_pixel(pixel_xy, mesh.page_xy, mesh.faces)
+    print_ = np.asarray(page.pixels if page.pixels.ndim == 3 else np.repeat(page.pixels[..., None], 3, axis=2))
+    reflect = PAPER * (INK + (1 - INK) * (np.arange(256.0) / 255)[:, None] ** light.gamma)
+    size = np.array([sheet.width_mm, sheet.height_mm])
+    photo = np.empty((*camera.shape_rc, 3), np.uint8)
+    for top in range(0, len(photo), BAND):
+        bottom = min(top + BAND, len(photo))
+        linear = _expose(top, bottom, face, places, bright, front, slopes, print_, reflect, page.dpi / 25.4, size)
+        levels = 255 * np.clip(linear, 0, 1) ** np.float32(1 / light.gamma)
+        levels += np.float32(grain) * rng.standard_normal(levels.shape, np.float32)
+        photo[top:bottom] = np.clip(np.rint(levels), 0, 255)
+    return photo
+
+
+def _brightness(
+    sheet: Sheet,
+    upward: Floats,
+    light: Light,
+    points: Floats,
+    faces: Ints,
+    face: Ints,
+    weights: NDArray[np.float32],
+    front: Bools,
+    bent: tuple[NDArray[np.int64], NDArray[np.int64]],
+    bent_xy: Floats,
+) -> Floats:
+    """Light that falls on what each pixel shows, 1 on the brightest paper before exposure; (rows, cols).
+
+    Computed at the points of the scene, and at once for each pixel of faces that are not flat: creases stay sharp.
+    """
+    on_sheet = len(upward)
+    towards = np.concatenate([upward, np.tile([0.0, 0.0, 1.0], (len(points) - on_sheet, 1))])
+    lit = visibility(light, points, towards, faces)
+    above = irradiance(light, points, towards, lit)
+    bright: Floats = interpolated(face, weights, faces, above[:, None])[..., 0]
+    back = np.append(~front, np.zeros(len(faces) - len(front) + 1, bool))[face]  # the last stands for no face
+    below = irradiance(light, points[:on_sheet], -upward, lit[:on_sheet])
+    rows, cols = np.nonzero(back)
+    bright[rows, cols] = interpolated(
+        face[rows, cols][None], weights[rows, cols][None], faces[: len(front)], below[:, None]
+    )[0, :, 0]
+
+    share = interpolated(face[bent][None], weights[bent][None], faces[: len(front)], lit[:on_sheet, None])[0, :, 0]
+    side = np.where(back[bent], -1.0, 1.0)[:, None]
+    bright[bent] = irradiance(light, sheet.bend(bent_xy), side * normals(sheet, bent_xy), share)
+    return bright * (light.exposure / above[:on_sheet].max())
+
+
+def _turn(upward: Floats, faces: Ints) -> Floats:
+    """Greatest angle between the normals at the corners of each face [rad]."""
+    corners = upward[faces]
+    cosines = np.einsum("mkd,mkd->mk", corners, np.roll(corners, 1, axis=1)).min(axis=1)
+    angle: Floats = np.arccos(np.clip(cosines, -1, 1))
+    return angle
+
+
+def _table(camera: Camera, first: int) -> tuple[Floats, Ints]:
+    """Lay a grid over the part of the table that the camera sees; its faces count points from `first`."""
+    rows, cols = camera.shape_rc
+    corners = np.array([[-1, -1, 1], [cols, -1, 1], [-1, rows, 1], [cols, rows, 1]], float)
+    rays = corners @ np.linalg.inv(camera.matrix).T @ camera.rotation
+    eye = -camera.rotation.T @ camera.translation
+    spots = (eye - (eye[2] + TABLE_DEPTH_MM) / rays[:, 2:] * rays)[:, :2]
+    low, high = spots.min(axis=0), spots.max(axis=0)
+    x, y = (np.linspace(a, b, 2 + int((b - a) / TABLE_CELL_MM)) for a, b in zip(low, high, strict=True))
+    grid = np.stack(np.meshgrid(x, y, [-TABLE_DEPTH_MM]), axis=-1).reshape(-1, 3)
+    index = first + np.arange(len(grid), dtype=np.int32).reshape(len(y), len(x))
+    a, b, c, d = (k.ravel() for k in (index[:-1, :-1], index[:-1, 1:], index[1:, :-1], index[1:, 1:]))
+    return grid, np.concatenate([np.stack([a, b, c], axis=1), np.stack([c, b, d], axis=1)])
+
+
+@njit(parallel=True, cache=True)
+def _expose(top, bottom, face, places, bright, front, slopes, print_, reflect, density, size):  # type: ignore[no-untyped-def]
+    """Linear light that rows top to bottom of the photo receive."""
+    cols = face.shape[1]
+    linear = np.zeros((bottom - top, cols, 3), np.float32)
+    for r in prange(top, bottom):
+        sample = np.empty(3)
+        for q in range(cols):
+            if face[r, q] < 0:
+                continue
+            f, dr, dq = _printed_side(r, q, face, front)
+            if f >= 0:
+                j = slopes[f]
+                x = places[r + dr, q + dq, 0] - j[0, 0] * dq - j[0, 1] * dr
+                y = places[r + dr, q + dq, 1] - j[1, 0] * dq - j[1, 1] * dr
+                _area_sample(x, y, j, print_, reflect, density, size, sample)
+            elif face[r, q] < len(front):
+                sample[:] = PAPER  # the back of the sheet is blank
+            else:
+                sample[:] = TABLE
+            for k in range(3):
+                linear[r - top, q, k] = bright[r, q] * sample[k]
+    return linear
+
+
+@njit(cache=True)
+def _printed_side(r, q, face, front):  # type: ignore[no-untyped-def]
+    """Face of the printed side at a pixel, or at the neighbour of one on the table beside it: face, drow, dcol."""
+    if face[r, q] < len(front):
+        return (face[r, q] if front[face[r, q]] else -1), 0, 0
+    for dr, dq in ((0, -1), (0, 1), (-1, 0), (1, 0)):
+        if 0 <= r + dr < face.shape[0] and 0 <= q + dq < face.shape[1]:
+            f = face[r + dr, q + dq]
+            if 0 <= f < len(front) and front[f]:
+                return f, dr, dq
+    return -1, 0, 0
+
+
+@njit(cache=True)
+def _area_sample(x, y, j, print_, reflect, density, size, sample):  # type: ignore[no-untyped-def]
+    """Mean reflectance over the pixel's footprint on the page, at least 2 x 2 samples and one for each print pixel."""
+    across = min(8, max(2, int(np.ceil(density * np.hypot(j[0, 0], j[1, 0])))))
+    down = min(8, max(2, int(np.ceil(density * np.hypot(j[0, 1], j[1, 1])))))
+    sample[:] = 0.0
+    for m in range(down):
+        for n in range(across):
+            dq, dr = (n + 0.5) / across - 0.5, (m + 0.5) / down - 0.5
+            px, py = x + j[0, 0] * dq + j[0, 1] * dr, y + j[1, 0] * dq + j[1, 1] * dr
+            if 0 <= px <= size[0] and 0 <= py <= size[1]:
+                _add_print(px * density - 0.5, py * density - 0.5, print_, reflect, sample)
+            else:
+                sample += TABLE
+    sample /= across * down
+
+
+@njit(cache=True)
+def _add_print(x, y, print_, reflect, sample):  # type: ignore[no-untyped-def]
+    """Bilinear sample of the print, in linear light."""
+    rows, cols = print_.shape[0], print_.shape[1]
+    x, y = min(max(x, 0.0), cols - 1.0), min(max(y, 0.0), rows - 1.0)
+    q, r = min(int(x), cols - 2), min(int(y), rows - 2)
+    fx, fy = x - q, y - r
+    for k in range(3):
+        above = (1 - fx) * reflect[print_[r, q, k], k] + fx * reflect[print_[r, q + 1, k], k]
+        below = (1 - fx) * reflect[print_[r + 1, q, k], k] + fx * reflect[print_[r + 1, q + 1, k], k]
+        sample[k] += (1 - fy) * above + fy * below

@@ -1,0 +1,292 @@
+"""Pages of print set by the program: title, running head, justified columns, table, drawing, picture and stamp."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageChops, ImageDraw, ImageFont
+
+from planish.gallery import prose
+from planish.gallery.artwork import hills, line_drawing, stamp_print
+from planish.gallery.sheets import Sheet
+from planish.types import Page
+
+Font = ImageFont.FreeTypeFont
+Painter = Callable[[Image.Image, float, float], None]
+
+LEADING = 1.42
+"""Distance of base lines, in sizes of the type."""
+
+
+@dataclass(frozen=True)
+class _Row:
+    """One unbreakable strip of a column.
+
+    Attributes
+    ----------
+    height : float [px]
+        From the strip above to the strip below.
+    paint : callable
+        (image, x, y of the strip's upper left corner [px]).
+    text : str
+    with_next : float [px]
+        Room that must be left below it, so that a heading is not parted from its paragraph.
+    """
+
+    height: float
+    paint: Painter
+    text: str = ""
+    with_next: float = 0.0
+
+
+def typeset_page(
+    width_mm: float = 215.9,
+    height_mm: float = 279.4,
+    dpi: float = 300.0,
+    *,
+    columns: int = 1,
+    point_size: float = 10.5,
+    page_number: int = 17,
+    title: str | None = prose.TITLE,
+    story: Sequence[str] = prose.STORY,
+    table: bool = True,
+    drawing: bool = False,
+    picture: bool = False,
+    stamp: bool = False,
+) -> tuple[Page, str]:
+    """Set one page of a book.
+
+    Parameters
+    ----------
+    width_mm, height_mm : float
+    dpi : float
+        Pixels per 25.4 mm; text is anti-aliased at this size.
+    columns : int
+    point_size : float
+        Of the text, in points of 1/72 inch.
+    page_number : int
+        Set at the outer edge: left on even pages.
+    title : str or None
+    story : sequence of str
+        Paragraphs, and headings that begin with "#"; what does not fit on the page is left out.
+    table, drawing : bool
+        In the running text: the drawing after its first part, the table after its third.
+    picture : bool
+        A grey one over the upper half of the page.
+    stamp : bool
+        A red one at the foot of the page.
+
+    Returns
+    -------
+    page : Page
+        (rows, cols, 3) uint8, white paper, black ink.
+    text : str
+        All that is printed, in reading order; not the stamp.
+
+    Examples
+    --------
+    >>> page, text = typeset_page(105, 148, dpi=100, point_size=8)
+    >>> page.pixels.shape
+    (583, 413, 3)
+    >>> text.splitlines()[0]
+    'On paper that will not lie flat 17'
+    """
+    px = dpi / 25.4
+    image = Image.new("RGB", (round(width_mm * px), round(height_mm * px)), "white")
+    left, right, head = 0.115 * width_mm * px, 0.885 * width_mm * px, 0.07 * height_mm * px
+    top, bottom = 0.11 * height_mm * px, 0.93 * height_mm * px
+    size = point_size / 72 * dpi
+    font = _font(size)
+
+    said = [_running_head(image, font, page_number, left, right, head)]
+    first = _heading(title, 1.7 * size) if title else []
+    if picture:
+        first += _figure(
+            Image.fromarray(hills(round(right - left), round(0.42 * (bottom - top)))), prose.PICTURE_CAPTION, font
+        )
+    top += sum(row.height for row in first)
+    said += _pour(image, first, [(left, top - sum(row.height for row in first), bottom)])
+    if stamp:
+        bottom = _stamp(image, size, right, bottom)
+
+    gap = 2 * size if columns > 1 else 0.0
+    width = (right - left - gap * (columns - 1)) / columns
+    rows = [row for block in _blocks(story, width, font, table, drawing) for row in block]
+    said += _pour(image, rows, [(left + k * (width + gap), top, bottom) for k in range(columns)])
+    pixels = np.asarray(image)
+    return Page(pixels, np.ones(pixels.shape[:2], bool), dpi), "\n".join(said)
+
+
+def typeset_sheet(sheet: Sheet, dpi: float = 300.0) -> tuple[Page, str]:
+    """Set the print for a sheet of the gallery: one page or, on a sheet wider than high, two side by side.
+
+    Returns
+    -------
+    page : Page
+    text : str
+        Of the left page, then of the right one.
+    """
+    if sheet.width_mm <= sheet.height_mm:
+        return typeset_page(sheet.width_mm, sheet.height_mm, dpi)
+    leaf = (sheet.width_mm / 2, sheet.height_mm, dpi)
+    left, left_text = typeset_page(*leaf, point_size=9.5, page_number=16, story=prose.STORY[:7], table=False)
+    right, right_text = typeset_page(*leaf, point_size=9.5, page_number=17, title=None, story=prose.STORY[7:])
+    pixels = np.concatenate([left.pixels, right.pixels], axis=1)
+    return Page(pixels, np.ones(pixels.shape[:2], bool), dpi), f"{left_text}\n{right_text}"
+
+
+def _blocks(story: Sequence[str], width: float, font: Font, table: bool, drawing: bool) -> Iterator[Sequence[_Row]]:
+    """Turn the story into rows, with table and drawing in between."""
+    for k, part in enumerate(story):
+        if table and k == 3:
+            yield _table(prose.TABLE, width, font)
+        if drawing and k == 1:
+            yield _figure(line_drawing(round(width), round(0.45 * width)), prose.DRAWING_CAPTION, font)
+        yield _heading(part[2:], 1.15 * font.size) if part.startswith("# ") else _paragraph(part, width, font)
+
+
+def _pour(image: Image.Image, rows: Sequence[_Row], columns: Sequence[tuple[float, float, float]]) -> list[str]:
+    """Fill columns (left, top, bottom) with rows until either runs out; returns the text that found room."""
+    said: list[str] = []
+    places = iter(columns)
+    left, y, bottom = next(places)
+    for row in rows:
+        while y + row.height + row.with_next > bottom + 0.5:
+            place = next(places, None)
+            if place is None:
+                return said
+            left, y, bottom = place
+        row.paint(image, left, y)
+        y += row.height
+        if row.text:
+            said.append(row.text)
+    return said
+
+
+def _font(size: float) -> Font:
+    """Pillow's own font, so that no font file is needed; scalable where Pillow was built with FreeType."""
+    font = ImageFont.load_default(size)
+    assert isinstance(font, Font)
+    return font
+
+
+def _running_head(image: Image.Image, font: Font, page_number: int, left: float, right: float, base: float) -> str:
+    """Title of the book and number of the page over a fine rule; returns what it says."""
+    number = str(page_number)
+    said = [prose.HEAD, number] if page_number % 2 else [number, prose.HEAD]
+    _write(said[0], font, 0, 0)(image, left, base)
+    _write(said[1], font, -font.getlength(said[1]), 0)(image, right, base)
+    _rule(image, left, right, base + 0.5 * font.size, font.size / 24)
+    return " ".join(said)
+
+
+def _heading(text: str, size: float) -> list[_Row]:
+    font = _font(size)
+    paint = _write(text, font, 0, 1.55 * size, bold=max(1, round(size / 40)))
+    return [_Row(2.0 * size, paint, text, with_next=2 * LEADING * size)]
+
+
+def _paragraph(text: str, width: float, font: Font) -> list[_Row]:
+    """Set a paragraph in justified lines; its first line is indented, its last runs free."""
+    words = text.split()
+    widths = np.array([font.getlength(word) for word in words])
+    space, indent = font.getlength(" "), 1.2 * font.size
+    starts = _line_starts(widths, space, width, indent)
+    rows = []
+    for k, (first, last) in enumerate(zip(starts, [*starts[1:], len(words)], strict=True)):
+        x = indent if k == 0 else 0.0
+        gaps = last - first - 1
+        stretched = gaps and last < len(words)
+        step = (width - x - widths[first:last].sum()) / gaps if stretched else space
+        places = x + np.concatenate([[0], np.cumsum(widths[first:last] + step)[:-1]])
+        pieces = [_write(word, font, at, font.size) for word, at in zip(words[first:last], places, strict=True)]
+        rows.append(_Row(LEADING * font.size, _all(pieces), " ".join(words[first:last])))
+    return rows
+
+
+def _line_starts(widths: NDArray[np.float64], space: float, width: float, indent: float) -> list[int]:
+    """Break a paragraph where the sum of squared gaps is least (Knuth & Plass 1981, without hyphens)."""
+    count = len(widths)
+    cost, start = np.full(count + 1, np.inf), np.zeros(count + 1, int)
+    cost[0] = 0.0
+    for last in range(1, count + 1):
+        for first in range(last - 1, -1, -1):
+            room = width - (indent if first == 0 else 0.0)
+            gaps = last - first - 1
+            slack = room - widths[first:last].sum() - gaps * space
+            if slack < -0.15 * space * gaps and gaps:
+                break
+            loose = 0.0 if last == count else (slack / (space * max(gaps, 1))) ** 2
+            if cost[first] + loose < cost[last]:
+                cost[last], start[last] = cost[first] + loose, first
+    starts = [count]
+    while starts[0] > 0:
+        starts.insert(0, int(start[starts[0]]))
+    return starts[:-1]
+
+
+def _table(lines: Sequence[Sequence[str]], width: float, font: Font) -> list[_Row]:
+    """Set a table between rules: the first column runs from the left, the others end at the right."""
+    pitch = 1.35 * font.size
+    ends = np.linspace(0.5, 1, len(lines[0]))[1:] * width
+    pieces: list[Painter] = [partial(_rule_row, width=width, y=0.6 * pitch, thickness=font.size / 12)]
+    for k, line in enumerate(lines):
+        base = (1.6 + k + 0.25 * (k > 0)) * pitch
+        pieces.append(_write(line[0], font, 0, base))
+        pieces += [_write(cell, font, x - font.getlength(cell), base) for cell, x in zip(line[1:], ends, strict=True)]
+    pieces.append(partial(_rule_row, width=width, y=1.95 * pitch, thickness=font.size / 24))
+    pieces.append(partial(_rule_row, width=width, y=(len(lines) + 1.25) * pitch, thickness=font.size / 12))
+    return [_Row((len(lines) + 2.2) * pitch, _all(pieces), "\n".join(" ".join(line) for line in lines))]
+
+
+def _figure(art: Image.Image, caption: str, font: Font) -> list[_Row]:
+    """Place a picture with its caption below."""
+    small = _font(0.9 * font.size)
+    above = 0.6 * font.size
+    base = above + art.height + 1.3 * font.size
+
+    def paint(image: Image.Image, left: float, top: float) -> None:
+        image.paste(art, (round(left), round(top + above)))
+        _write(caption, small, 0, base)(image, left, top)
+
+    return [_Row(base + 1.2 * font.size, paint, caption)]
+
+
+def _stamp(image: Image.Image, size: float, right: float, bottom: float) -> float:
+    """Print the stamp at the foot of the page, at the right; returns where the text must now end."""
+    mark = stamp_print(prose.STAMP, 1.5 * size)
+    place = (round(right) - mark.width, round(bottom) - mark.height)
+    image.paste(ImageChops.multiply(image.crop((*place, place[0] + mark.width, place[1] + mark.height)), mark), place)
+    return bottom - mark.height - 0.5 * size
+
+
+def _write(text: str, font: Font, x: float, base: float, bold: int = 0) -> Painter:
+    """Write one string at a place within its row; `bold` [px] thickens the strokes."""
+
+    def paint(image: Image.Image, left: float, top: float) -> None:
+        ImageDraw.Draw(image).text((left + x, top + base), text, "black", font, anchor="ls", stroke_width=bold)
+
+    return paint
+
+
+def _rule_row(image: Image.Image, left: float, top: float, *, width: float, y: float, thickness: float) -> None:
+    _rule(image, left, left + width, top + y, thickness)
+
+
+def _rule(image: Image.Image, left: float, right: float, y: float, thickness: float) -> None:
+    lowest = round(y) + max(1, round(thickness)) - 1
+    ImageDraw.Draw(image).rectangle((round(left), round(y), round(right), lowest), fill="black")
+
+
+def _all(pieces: Sequence[Painter]) -> Painter:
+    """Paint several things in one row."""
+
+    def paint(image: Image.Image, left: float, top: float) -> None:
+        for piece in pieces:
+            piece(image, left, top)
+
+    return paint

@@ -1,0 +1,202 @@
+"""Cameras from JSON and to JSON: planish's own form, 3 x 4 matrices, and a camera that looks straight down."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import scipy.linalg
+
+from planish.errors import InputError
+from planish.io.files import read_bytes
+from planish.types import Camera, Floats
+
+_KEYS = {
+    "P": {"P", "image_size", "note"},
+    "focal_px": {"focal_px", "width", "height", "cam", "note"},
+    "image_size": {
+        *("matrix", "fx", "fy", "cx", "cy", "rotation", "translation", "distortion", "image_size", "note"),
+    },
+}
+"""The key that tells each form, and all the keys that it may have."""
+
+_DISTORTION_LENGTHS = (0, 4, 5, 8, 12, 14)
+"""That OpenCV knows."""
+
+_NOT_ORTHOGONAL = 1e-3
+"""Largest entry by which rotation @ rotation.T may differ from 1: numbers written with few digits."""
+
+_LARGEST_SIDE = 2**20
+
+
+def read_camera(path: str | Path, photo_name: str | None = None, *, mm_per_unit: float = 1.0) -> Camera:
+    """Read a camera.
+
+    Parameters
+    ----------
+    path : str or Path
+        JSON in one of three forms, each of which may have a ``"note"``:
+
+        - ``{"fx", "fy", "cx", "cy", "image_size": [w, h]}`` or ``"matrix"`` for the first four, and, where they are
+          not 1 and 0, ``"rotation"`` (3 x 3, or OpenCV's 3 numbers) and ``"translation"`` from world to camera, and
+          OpenCV's ``"distortion"``;
+        - ``{"P": 3 x 4, "image_size": [w, h]}``, or P a mapping of photo file names to such matrices;
+        - ``{"focal_px", "width", "height", "cam": [x, y, z]}``: it looks along -z from (x, -y, z), so that cam has y
+          down as the photo; the principal point is the middle of the photo.
+    photo_name : str, optional
+        File name of the photo, to choose a matrix by.
+    mm_per_unit : float
+        Of the lengths in the file, which are in the unit of the mesh.
+
+    Raises
+    ------
+    InputError
+        If the file is no such JSON, holds no possible camera, or none for that photo.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     text = '{"fx": 900, "fy": 900, "cx": 319.5, "cy": 239.5, "image_size": [640, 480]}'
+    ...     _ = Path(f"{folder}/kinect.json").write_text(text)
+    ...     read_camera(f"{folder}/kinect.json").shape_rc
+    (480, 640)
+    """
+    path = Path(path)
+    told = _json_object(path)
+    form = next((key for key in _KEYS if key in told), None)
+    if form is None:
+        raise InputError(f"{path} holds no camera: it has none of {', '.join(_KEYS)} (docs/formats.md shows the forms)")
+    unknown = sorted(told.keys() - _KEYS[form])
+    if unknown:
+        raise InputError(f"{path} has “{unknown[0]}”, which is not known; known are {', '.join(sorted(_KEYS[form]))}")
+    if form == "P":
+        return _from_projection(path, _projection(path, told["P"], photo_name), _size(path, told), mm_per_unit)
+    if form == "focal_px":
+        return _straight_down(path, told, mm_per_unit)
+    return _own_form(path, told, mm_per_unit)
+
+
+def camera_as_json(camera: Camera) -> dict[str, Any]:
+    """The camera in planish's own form, lengths in mm."""
+    rows, cols = camera.shape_rc
+    return {
+        "image_size": [cols, rows],
+        "matrix": camera.matrix.tolist(),
+        "rotation": camera.rotation.tolist(),
+        "translation": np.ravel(camera.translation).tolist(),
+        "distortion": camera.distortion.tolist(),
+    }
+
+
+def _json_object(path: Path) -> dict[str, Any]:
+    try:
+        told = json.loads(read_bytes(path))
+    except (ValueError, RecursionError) as problem:  # ValueError: no JSON, or no text at all
+        raise InputError(f"{path} is no JSON file: {problem}") from None
+    if not isinstance(told, dict):
+        raise InputError(f"{path} holds no camera: a JSON object with its numbers is wanted")
+    return told
+
+
+def _numbers(path: Path, name: str, value: object, *shapes: tuple[int, ...]) -> Floats:
+    """A value as finite numbers of one of these shapes."""
+    wanted = " or ".join(" x ".join(map(str, shape)) or "one" for shape in shapes)
+    try:
+        array = np.array(value, np.float64)
+    except (TypeError, ValueError, OverflowError):
+        raise InputError(f"{path}: “{name}” is no array of numbers; {wanted} numbers are wanted") from None
+    if array.shape not in shapes:
+        found = " x ".join(map(str, array.shape)) or "one"
+        raise InputError(f"{path}: “{name}” has {found} numbers; {wanted} are wanted")
+    if not np.isfinite(array).all():
+        raise InputError(f"{path}: “{name}” holds a number that is not finite")
+    return array
+
+
+def _size(path: Path, told: dict[str, Any]) -> tuple[int, int]:
+    """Rows and columns of the photo."""
+    if "image_size" not in told:
+        raise InputError(f"{path} does not say “image_size”: [width, height] of the photo in pixels")
+    width, height = _numbers(path, "image_size", told["image_size"], (2,))
+    return _rows_and_columns(path, width, height)
+
+
+def _rows_and_columns(path: Path, width: float, height: float) -> tuple[int, int]:
+    if not (width == int(width) and height == int(height) and 0 < min(width, height) <= max(width, height) < _LARGEST_SIDE):
+        raise InputError(f"{path} says that the photo is {width:g} x {height:g} pixels; whole numbers above 0 are wanted")
+    return int(height), int(width)
+
+
+def _own_form(path: Path, told: dict[str, Any], mm_per_unit: float) -> Camera:
+    if "matrix" in told:
+        matrix = _numbers(path, "matrix", told["matrix"], (3, 3))
+        if not (matrix[2] == [0, 0, 1]).all() or matrix[1, 0] != 0:
+            raise InputError(f"{path}: “matrix” must be [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]")
+    else:
+        lost = [key for key in ("fx", "fy", "cx", "cy") if key not in told]
+        if lost:
+            raise InputError(f"{path} does not say “{lost[0]}”; “matrix” or fx, fy, cx, cy are wanted [px]")
+        fx, fy, cx, cy = (float(_numbers(path, key, told[key], ())) for key in ("fx", "fy", "cx", "cy"))
+        matrix = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
+    if not (matrix[0, 0] > 0 and matrix[1, 1] > 0):
+        raise InputError(f"{path}: the focal lengths are {matrix[0, 0]:g} and {matrix[1, 1]:g} pixels; above 0 is wanted")
+    distortion = _numbers(path, "distortion", told.get("distortion", []), *((n,) for n in _DISTORTION_LENGTHS))
+    translation = _numbers(path, "translation", told.get("translation", [0, 0, 0]), (3,)) * mm_per_unit
+    return Camera(matrix, _rotation(path, told), translation, _size(path, told), distortion)
+
+
+def _rotation(path: Path, told: dict[str, Any]) -> Floats:
+    rotation = _numbers(path, "rotation", told.get("rotation", np.eye(3)), (3, 3), (3,))
+    if rotation.shape == (3,):
+        rotation = cv2.Rodrigues(rotation)[0]
+    off = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
+    if off > _NOT_ORTHOGONAL or np.linalg.det(rotation) < 0:
+        raise InputError(
+            f"{path}: “rotation” is no rotation matrix (its rows are off by {off:.2g}, its determinant is"
+            f" {np.linalg.det(rotation):.3g}; 0 and 1 are wanted)"
+        )
+    u, _, vt = np.linalg.svd(rotation)  # the nearest true rotation
+    return np.asarray(u @ vt)
+
+
+def _projection(path: Path, matrices: object, photo_name: str | None) -> Floats:
+    if not isinstance(matrices, dict):
+        return _numbers(path, "P", matrices, (3, 4))
+    if photo_name not in matrices and len(matrices) != 1:
+        raise InputError(
+            f"{path} has no matrix for {photo_name or 'a scan without a photo'}, but for"
+            f" {', '.join(sorted(matrices)[:8]) or 'none'}; give one of these with --photo"
+        )
+    name = photo_name if photo_name in matrices else next(iter(matrices))
+    return _numbers(path, f"P of {name}", matrices[name], (3, 4))
+
+
+def _from_projection(path: Path, projection: Floats, shape_rc: tuple[int, int], mm_per_unit: float) -> Camera:
+    """Take P = s K [R | t] apart: K upper triangular with positive diagonal, R a rotation (Hartley and Zisserman, 6.2.4)."""
+    determinant = np.linalg.det(projection[:, :3])
+    scale = np.linalg.norm(projection[:, :3])
+    if not abs(determinant) > 1e-12 * scale**3:
+        raise InputError(f"{path}: the matrix P belongs to no camera (its left 3 x 3 part has no inverse)")
+    projection = projection * np.sign(determinant)  # the scale s may be negative
+    matrix, rotation = scipy.linalg.rq(projection[:, :3])
+    signs = np.diag(np.sign(np.diag(matrix)))
+    matrix, rotation = matrix @ signs, signs @ rotation
+    translation = np.linalg.solve(matrix, projection[:, 3])
+    return Camera(matrix / matrix[2, 2], rotation, translation * mm_per_unit, shape_rc)
+
+
+def _straight_down(path: Path, told: dict[str, Any], mm_per_unit: float) -> Camera:
+    lost = [key for key in ("width", "height", "cam") if key not in told]
+    if lost:
+        raise InputError(f"{path} does not say “{lost[0]}”; focal_px, width, height and cam are wanted")
+    focal, width, height = (float(_numbers(path, key, told[key], ())) for key in ("focal_px", "width", "height"))
+    x, y_down, z = _numbers(path, "cam", told["cam"], (3,)) * mm_per_unit
+    if not focal > 0:
+        raise InputError(f"{path}: “focal_px” is {focal:g} pixels; above 0 is wanted")
+    rows, cols = _rows_and_columns(path, width, height)
+    matrix = np.array([[focal, 0, (cols - 1) / 2], [0, focal, (rows - 1) / 2], [0, 0, 1]])
+    return Camera(matrix, np.diag([1.0, -1.0, -1.0]), np.array([-x, -y_down, z]), (rows, cols))

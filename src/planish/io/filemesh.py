@@ -1,0 +1,62 @@
+"""What a reader of one format hands over: the mesh as the file has it, before units and photo."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from planish.errors import InputError
+from planish.io.polygons import Polygons
+from planish.io.units import Unit
+from planish.types import Bools, Floats, _freeze
+
+
+@dataclass(frozen=True, eq=False)
+class FileMesh:
+    """A mesh in the numbers of its file.
+
+    Attributes
+    ----------
+    points : (n, 3) float64 [file's unit]
+        In the file's order; some may not be finite.
+    polygons : Polygons
+    texture : Path, bytes or None
+        The image that the texture coordinates belong to: a file, or the bytes of one inside the mesh file.
+    unit : {"mm", "cm", "m", "in"} or None
+        What the file says itself.
+    grid : (rows, cols) bool or None
+        For a mesh that is a grid of points: which cells hold a point; the points are those, row by row.
+    warnings : list of str
+    """
+
+    points: Floats
+    polygons: Polygons
+    texture: Path | bytes | None = None
+    unit: Unit | None = None
+    grid: Bools | None = None
+    warnings: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        _freeze(self)
+
+
+def check_faces(path: Path, points: Floats, polygons: Polygons) -> None:
+    """Refuse what is no surface: no points, no faces, a face whose point does not exist, no point that is a number."""
+    if not len(points):
+        raise InputError(f"{path} holds no points; a triangle mesh of a sheet is wanted")
+    if not len(polygons.sizes):
+        raise InputError(
+            f"{path} holds {len(points)} points and no faces; is this a point cloud, or was the file cut short?"
+            " A triangle mesh is wanted: let the scanner's software make one"
+        )
+    bad = np.flatnonzero((polygons.corners < 0) | (polygons.corners >= len(points)))
+    if len(bad):
+        owner = np.searchsorted(np.cumsum(polygons.sizes), bad[0], side="right")
+        raise InputError(
+            f"{path}: face {owner} uses point {polygons.corners[bad[0]]}, but the file has {len(points)} points"
+            " (both counted from 0); was the file cut short?"
+        )
+    if not np.isfinite(points).all(1).any():
+        raise InputError(f"{path}: none of its {len(points)} points has three finite coordinates")

@@ -1,0 +1,243 @@
+"""Photos from their files: every kind of pixel becomes 8 or 16 bit colour, and what was lost on the way is said."""
+
+from __future__ import annotations
+
+import io
+import warnings as python_warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageCms
+
+from planish.errors import InputError
+from planish.io.files import read_bytes
+from planish.types import Pixels
+
+FORMATS = {
+    "JPEG": "JPEG",
+    "PNG": "PNG",
+    "TIFF": "TIFF",
+    "WEBP": "WebP",
+    "BMP": "BMP",
+    "JPEG2000": "JPEG 2000",
+    "PPM": "PPM",
+}
+"""What Pillow calls them, and what people do."""
+
+MOST_MEGAPIXELS = 400.0
+"""A larger photo is refused before it fills the memory: 400 megapixels of 16 bit colour are 2.4 GB."""
+
+FEWEST_PIXELS = 8
+"""A photo with fewer pixels across shows no page."""
+
+_ORIENTATION = 0x0112
+_PLANAR_CONFIGURATION, _PHOTOMETRIC, _BITS_PER_SAMPLE = 284, 262, 258
+
+
+class Photo(NamedTuple):
+    """A photo: pixels (rows, cols, 3) uint8 or uint16, its colour profile (None: sRGB), and what was changed."""
+
+    pixels: Pixels
+    icc: bytes | None
+    warnings: list[str]
+
+
+def read_photo(path: str | Path, *, upright: bool = False) -> Photo:
+    """Read a photo.
+
+    Grey becomes three equal channels, 16 bit stays 16 bit (except CMYK), a palette is looked up, transparency is
+    dropped, CMYK becomes sRGB by its profile. Of a TIFF with several pages the first is read.
+
+    Parameters
+    ----------
+    path : str or Path
+        JPEG, PNG, TIFF, WebP, BMP, JPEG 2000 or PPM, told by its content.
+    upright : bool
+        Turn the photo as its EXIF orientation asks. By default its pixels stay as they are stored, because texture
+        coordinates and calibrated cameras count those; a warning says so where that makes a difference.
+
+    Returns
+    -------
+    Photo
+        pixels (rows, cols, 3) uint8 or uint16; icc, the bytes of an RGB colour profile or None; warnings, sentences.
+
+    Raises
+    ------
+    InputError
+        If there is no such file, it is no such image, damaged, cut short, below 8 or above 400 megapixels.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     Image.new("L", (40, 30), 128).save(f"{folder}/grey.png")
+    ...     read_photo(f"{folder}/grey.png").pixels.shape
+    (30, 40, 3)
+    """
+    path = Path(path)
+    return decode_photo(str(path), read_bytes(path), upright=upright)
+
+
+def decode_photo(name: str, data: bytes, *, upright: bool = False) -> Photo:
+    """Read a photo from the bytes of its file; `name` is for messages. As `read_photo`."""
+    with _decoding(name):
+        image = Image.open(io.BytesIO(data), formats=list(FORMATS))
+        _check_size(name, image)
+        orientation = image.getexif().get(_ORIENTATION, 1)
+        orientation = orientation if orientation in range(2, 9) else 1
+        image.load()  # finds every damage that Pillow can find
+        warnings = _pages_left_out(name, image)
+        pixels = _sixteen_bit(data, image)
+        icc = image.info.get("icc_profile") or None
+        if pixels is None:
+            eight_bit, icc = _to_rgb(name, image, icc, warnings)
+            pixels = np.asarray(eight_bit)
+            if image.format == "TIFF":  # Pillow has turned it already
+                pixels = _turned(pixels, {6: 8, 8: 6}.get(orientation, orientation))
+        elif image.mode.startswith("I;16") and image.format == "TIFF":
+            pixels = _turned(pixels, {6: 8, 8: 6}.get(orientation, orientation))
+        pixels, icc = _three_channels(name, pixels, icc, warnings)
+    if orientation != 1:
+        if upright:
+            pixels = _turned(pixels, orientation)
+        else:
+            warnings.append(
+                f"{name} asks to be shown turned (EXIF orientation {orientation}); its pixels were taken as stored, as"
+                " texture coordinates and cameras count them"
+            )
+    return Photo(np.ascontiguousarray(pixels), icc, warnings)
+
+
+@contextmanager
+def _decoding(name: str) -> Iterator[None]:
+    """Let Pillow open large images, silence its warnings, and make one sentence of whatever a bad file raises."""
+    limit, Image.MAX_IMAGE_PIXELS = Image.MAX_IMAGE_PIXELS, None
+    try:
+        with python_warnings.catch_warnings():
+            python_warnings.simplefilter("ignore")
+            yield
+    except InputError:
+        raise
+    except Image.UnidentifiedImageError:
+        kinds = ", ".join(FORMATS.values())
+        raise InputError(f"{name} is no image that planish can read; one of {kinds} is wanted") from None
+    except MemoryError:
+        raise InputError(f"{name} does not fit into the memory; give a smaller photo") from None
+    except Exception as problem:  # decoders raise nearly every class there is on damaged files
+        reason = " ".join(str(problem).split()) or type(problem).__name__
+        raise InputError(f"{name} is damaged or was cut short: {reason}; copy it again") from problem
+    finally:
+        Image.MAX_IMAGE_PIXELS = limit
+
+
+def _check_size(name: str, image: Image.Image) -> None:
+    width, height = image.size
+    if width * height > MOST_MEGAPIXELS * 1e6:
+        raise InputError(
+            f"{name} has {width} x {height} = {width * height / 1e6:.0f} megapixels; at most {MOST_MEGAPIXELS:.0f} are"
+            " read. Give a smaller photo"
+        )
+    if min(width, height) < FEWEST_PIXELS:
+        raise InputError(f"{name} is {width} x {height} pixels; a photo of the sheet is wanted")
+
+
+def _pages_left_out(name: str, image: Image.Image) -> list[str]:
+    pages = getattr(image, "n_frames", 1) if image.format == "TIFF" else 1
+    return [f"{name} holds {pages} pages; the first was read"] if pages > 1 else []
+
+
+def _sixteen_bit(data: bytes, image: Image.Image) -> NDArray[np.uint16] | None:
+    """The pixels (rows, cols[, channels], RGB order) of an image with 16 bits; None if Pillow's 8 bits are all it has.
+
+    Pillow decodes 16 bit grey, but of 16 bit colour only the upper half.
+    """
+    if image.mode.startswith("I;16"):
+        grey = np.asarray(image).astype(np.uint16)
+        white_is_zero = image.format == "TIFF" and image.tag_v2.get(_PHOTOMETRIC) == 0  # type: ignore[attr-defined]
+        return np.uint16(65535) - grey if white_is_zero else grey
+    if image.mode not in ("RGB", "RGBA", "LA"):
+        return None
+    if image.format == "PNG" and data[24] == 16:  # bit depth in the header
+        return _by_opencv(data)
+    if image.format == "TIFF" and set(image.tag_v2.get(_BITS_PER_SAMPLE, ())) == {16}:  # type: ignore[attr-defined]
+        if image.tag_v2.get(_PLANAR_CONFIGURATION) == 2:  # type: ignore[attr-defined]
+            return _by_tifffile(data)
+        return _by_opencv(data)
+    return None
+
+
+def _by_opencv(data: bytes) -> NDArray[np.uint16] | None:
+    import cv2
+
+    pixels = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED | cv2.IMREAD_IGNORE_ORIENTATION)
+    if pixels is None or pixels.dtype != np.uint16:
+        return None
+    if pixels.ndim == 3 and pixels.shape[2] >= 3:
+        pixels = pixels[..., [2, 1, 0, 3][: pixels.shape[2]]]
+    return np.asarray(pixels)
+
+
+def _by_tifffile(data: bytes) -> NDArray[np.uint16]:
+    import tifffile
+
+    return np.moveaxis(tifffile.imread(io.BytesIO(data), key=0), 0, -1)
+
+
+def _to_rgb(name: str, image: Image.Image, icc: bytes | None, warnings: list[str]) -> tuple[Image.Image, bytes | None]:
+    """An 8 bit image as L, LA, RGB or RGBA."""
+    if image.mode in ("L", "LA", "RGB", "RGBA"):
+        return image, icc
+    if image.mode in ("1", "P", "PA", "RGBX", "RGBa", "La"):
+        clear = "transparency" in image.info or image.mode in ("PA", "RGBa", "La")
+        return image.convert("RGBA" if clear else "RGB"), icc
+    if image.mode in ("CMYK", "YCbCr", "LAB"):
+        if image.mode == "CMYK":
+            how = "by its colour profile" if icc else "without a colour profile, so its colours are rough"
+            warnings.append(f"{name} is in CMYK; it was converted to sRGB {how}")
+        return _to_srgb(image, icc), None
+    raise InputError(
+        f"{name} holds pixels of kind {image.mode} (numbers of 32 bits); 8 or 16 bit grey or colour is wanted"
+    )
+
+
+def _to_srgb(image: Image.Image, icc: bytes | None) -> Image.Image:
+    if image.mode == "LAB":
+        source = ImageCms.createProfile("LAB")
+    elif icc and image.mode == "CMYK":
+        source = ImageCms.ImageCmsProfile(io.BytesIO(icc))
+    else:
+        return image.convert("RGB")
+    try:
+        converted = ImageCms.profileToProfile(image, source, ImageCms.createProfile("sRGB"), outputMode="RGB")
+    except ImageCms.PyCMSError:  # a broken profile
+        return image.convert("RGB")
+    assert converted is not None
+    return converted
+
+
+def _three_channels(name: str, pixels: Pixels, icc: bytes | None, warnings: list[str]) -> tuple[Pixels, bytes | None]:
+    """Grey repeated, transparency dropped."""
+    if pixels.ndim == 2:
+        pixels = pixels[..., None]
+    colours = 3 if pixels.shape[2] >= 3 else 1
+    if pixels.shape[2] > colours:
+        clear = int((pixels[..., colours] < np.iinfo(pixels.dtype).max).sum())
+        if clear:
+            warnings.append(f"{name} has {clear} transparent pixels; their colours were taken as they are")
+    if colours == 3:
+        return pixels[..., :3], icc
+    if icc:
+        warnings.append(f"{name} has a colour profile for grey, which is left out; its greys were taken as sRGB")
+    return np.repeat(pixels[..., :1], 3, axis=2), None
+
+
+def _turned(pixels: NDArray, orientation: int) -> NDArray:
+    """The pixels as EXIF orientation 1 to 8 asks to show them."""
+    if orientation >= 5:
+        pixels = pixels.swapaxes(0, 1)
+    down, left = {2: (1, -1), 3: (-1, -1), 4: (-1, 1), 6: (1, -1), 7: (-1, -1), 8: (-1, 1)}.get(orientation, (1, 1))
+    return pixels[::down, ::left]

@@ -1,0 +1,230 @@
+"""Wavefront OBJ with its MTL: read by tinyobjloader, after every line has been checked; written line by line.
+
+tinyobjloader takes much for an OBJ that is none: a number that is not one reads as 0, a missing coordinate too, a
+face of two corners vanishes, an index wraps at 2**32. So each line must first match the grammar below.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import tinyobjloader
+from numpy.lib.stride_tricks import as_strided
+from numpy.typing import NDArray
+
+from planish.errors import InputError
+from planish.io.filemesh import FileMesh, check_faces
+from planish.io.polygons import Polygons
+from planish.io.textures import find_beside, find_image, use_one_image
+from planish.io.units import Unit, unit_named_in
+from planish.types import Floats, Ints
+
+_NUMBER = rb"[ \t]++[-+]?+(?:[0-9]++\.?+[0-9]*+|\.[0-9]++)(?:[eE][-+]?+[0-9]++)?+"
+_INDEX = rb"-?+[0-9]{1,9}+"
+_CORNER = rb"[ \t]++" + _INDEX + rb"(?:/(?:" + _INDEX + rb")?+(?:/(?:" + _INDEX + rb")?+)?+)?+"
+_LINES = re.compile(
+    rb"(?:(?:"
+    rb"v(?:" + _NUMBER + rb"){3,7}+"
+    rb"|vt(?:" + _NUMBER + rb"){1,3}+"
+    rb"|vn(?:" + _NUMBER + rb"){3}+"
+    rb"|f(?:" + _CORNER + rb"){3,}+"
+    rb"|\#[^\n]*+"
+    rb"|(?:g|o|s|l|p|usemtl|mtllib|vp|deg|cstype|surf|curv|curv2|end|parm|trim|hole|bevel|lod|mg)(?:[ \t][^\n]*+)?+"
+    rb"|)[ \t\r]*+\n)*+"
+)
+_DATA_LINE = re.compile(rb"^[ \t]*((?:v|vt|vn|f)[ \t][^#\n]*)(?:#[^\n]*)?", re.MULTILINE)
+_NOT_FINITE = re.compile(
+    rb"(?<=[ \t])[-+]?(?:1\.\#)?(?:nan|inf(?:inity)?|ind|qnan|snan)(?:\([^)]*\)|[0-9]*)(?=[ \t\r\n])", re.I
+)
+_BEYOND = b"9e999"  # reads as infinite
+
+_LOST_POINTS = 0.1
+"""More points than this part without a face, and the file may have been cut short."""
+
+
+def read_obj(path: Path, data: bytes) -> FileMesh:
+    """Read an OBJ, all its groups as one mesh.
+
+    Raises
+    ------
+    InputError
+        If a line cannot be understood, the file was cut short, or it holds no surface.
+    """
+    whole = data.endswith((b"\n", b"\r"))
+    data = _checked(path, data if whole else data + b"\n", whole)
+    reader = tinyobjloader.ObjReader()
+    config = tinyobjloader.ObjReaderConfig()
+    config.triangulate = False
+    mtl, warnings = _materials_text(path, data)
+    if not reader.ParseFromString(data, mtl, config):
+        raise InputError(f"{path} is no OBJ that can be read: {_first_line(reader.Error())}; was the file cut short?")
+    points = _dense(reader.GetAttrib().numpy_vertices()).reshape(-1, 3)
+    polygons, materials = _polygons(reader)
+    check_faces(path, points, polygons)
+    warnings += _check_complete(path, points, polygons, whole)
+    polygons, texture, told = _texture(path, polygons, materials, reader.GetMaterials())
+    return FileMesh(points, polygons, texture, _unit(data), warnings=warnings + told)
+
+
+def _checked(path: Path, data: bytes, whole: bool) -> bytes:
+    """The file's bytes once every line is known to be good OBJ, tidied where need be."""
+    if _LINES.fullmatch(data):
+        return data
+    data = _tidied(data)
+    good = _LINES.match(data)
+    stop = good.end() if good else 0
+    if stop == len(data):
+        return data
+    line = data[stop : data.index(b"\n", stop)]
+    number = data.count(b"\n", 0, stop) + 1
+    shown = line[:60].decode("ascii", "backslashreplace")
+    if not re.match(rb"(?:v|vt|vn|f)[ \t]", line):
+        raise InputError(f"{path} is no OBJ: its line {number} reads “{shown}”; a mesh of v, vt and f lines is wanted")
+    if not whole and data.find(b"\n", stop) == len(data) - 1:
+        raise InputError(f"{path} ends within its last line, {number}, “{shown}”; was the file cut short?")
+    raise InputError(
+        f"{path}: line {number} reads “{shown}”, which is no point or face of an OBJ; was the file damaged?"
+    )
+
+
+def _tidied(data: bytes) -> bytes:
+    """The rarer ways to write the same: line ends of old Macs, continued lines, comments after data, NaN."""
+    data = data.removeprefix(b"\xef\xbb\xbf").replace(b"\r\n", b"\n").replace(b"\r", b"\n").replace(b"\\\n", b" ")
+    data = _DATA_LINE.sub(rb"\1", data)
+    if re.search(rb"nan|inf|ind", data, re.IGNORECASE):
+        data = re.sub(rb"(?m)^v[^\n]*\n", lambda line: _NOT_FINITE.sub(_BEYOND, line[0]), data)
+    return data
+
+
+def _dense(array: NDArray) -> NDArray:
+    """Undo a fault of the bindings: made for numpy 1, they give stride 0 under numpy 2 (the memory itself is whole)."""
+    return as_strided(array, strides=(array.itemsize,)).copy()
+
+
+def _polygons(reader: tinyobjloader.ObjReader) -> tuple[Polygons, Ints]:
+    """All faces of all groups, and the material of each (-1 for none)."""
+    meshes = [shape.mesh for shape in reader.GetShapes()]
+    none = np.zeros(0, np.int32)
+    index = np.concatenate([none, *(_dense(mesh.numpy_indices()) for mesh in meshes)]).reshape(-1, 3)
+    # not numpy_num_face_vertices, which takes the numbers of four bytes for bytes
+    sizes = np.concatenate([none, *(np.array(mesh.num_face_vertices, np.int32) for mesh in meshes)])
+    materials = np.concatenate([none, *(_dense(mesh.numpy_material_ids()) for mesh in meshes)])
+    uv = _dense(reader.GetAttrib().numpy_texcoords()).reshape(-1, 2)
+    uv_corners = np.where(index[:, 2] < len(uv), index[:, 2], -1).astype(np.int32)
+    if not len(uv) or (uv_corners < 0).all():
+        return Polygons(sizes, index[:, 0]), materials
+    return Polygons(sizes, index[:, 0], uv, uv_corners), materials
+
+
+def _check_complete(path: Path, points: Floats, polygons: Polygons, whole: bool) -> list[str]:
+    """Notice a file that was cut between two faces: points are left over, and the last line has no end."""
+    used = np.zeros(len(points), bool)
+    used[polygons.corners] = True
+    lost = len(points) - int(used.sum())
+    if lost and not whole:
+        raise InputError(
+            f"{path} has no line end at its end, and {lost} of its {len(points)} points belong to no face; was the file"
+            " cut short? If it is complete, add a line end"
+        )
+    if lost > _LOST_POINTS * len(points):
+        return [f"{lost} of the {len(points)} points belong to no face; was the file cut short?"]
+    return []
+
+
+def _unit(data: bytes) -> Unit | None:
+    comments = re.findall(rb"^\#[^\n]*", data[:4096], re.MULTILINE)
+    return unit_named_in(b"\n".join(comments).decode("ascii", "replace"))
+
+
+def _first_line(text: str) -> str:
+    lines = text.strip().splitlines()
+    return lines[0].rstrip(". ") if lines else "no reason is known"
+
+
+# Materials
+
+
+def _materials_text(path: Path, data: bytes) -> tuple[str, list[str]]:
+    """The text of all MTL files that the OBJ names, and a sentence on each that is missing."""
+    texts, warnings = [], []
+    for name in re.findall(rb"^mtllib[ \t]+([^\n]*?)[ \t\r]*$", data, re.MULTILINE):
+        found = find_beside(path, name.decode("utf-8", "replace"))
+        if found is None:
+            warnings.append(f"{path} names the material file {name.decode('utf-8', 'replace')}, which does not exist")
+            continue
+        text = found.read_bytes()
+        try:
+            texts.append(text.decode("utf-8"))
+        except UnicodeDecodeError:
+            texts.append(text.decode("latin-1"))
+    return "\n".join(texts), warnings
+
+
+def _texture(
+    path: Path, polygons: Polygons, materials: Ints, known: list[tinyobjloader.material_t]
+) -> tuple[Polygons, Path | None, list[str]]:
+    """The image of the material that most faces have."""
+    names = [material.diffuse_texname for material in known]
+    images = sorted({name for name in names if name})
+    image_of_material = np.array([images.index(name) if name else -1 for name in names] + [-1])
+    polygons, chosen, warnings = use_one_image(path, polygons, images, image_of_material[materials])
+    if chosen is None:
+        return polygons, None, warnings
+    image, missing = find_image(path, images[chosen])
+    return polygons, image, warnings + missing
+
+
+# Writing
+
+_LINES_AT_ONCE = 100_000
+
+
+def obj_parts(
+    points: Floats, polygons: Polygons, *, material: tuple[str, str] | None = None, comment: str = ""
+) -> Iterator[bytes]:
+    """Write an OBJ in parts: points to 1e-6 of their unit, texture coordinates to 1e-8 (1e-6 beyond 0 to 1).
+
+    Parameters
+    ----------
+    points : (n, 3) float64
+    polygons : Polygons
+    material : (str, str), optional
+        Name of the MTL file and of the material in it.
+    comment : str
+        Lines of it go first.
+    """
+    yield "".join(f"# {line}\n" for line in comment.splitlines()).encode()
+    if material:
+        yield f"mtllib {material[0]}\nusemtl {material[1]}\n".encode()
+    flat = not points[:, 2].any()
+    yield from _rows("v %.6f %.6f 0\n" if flat else "v %.6f %.6f %.6f\n", points[:, :2] if flat else points)
+    if polygons.uv is not None and len(polygons.uv):
+        yield from _rows("vt %.6f %.6f\n" if np.nanmax(np.abs(polygons.uv)) > 10 else "vt %.8f %.8f\n", polygons.uv)
+    yield from _face_parts(polygons)
+
+
+def _rows(line: str, numbers: NDArray) -> Iterator[bytes]:
+    for start in range(0, len(numbers), _LINES_AT_ONCE):
+        part = numbers[start : start + _LINES_AT_ONCE]
+        yield (line * len(part) % tuple(part.ravel().tolist())).encode()
+
+
+def _face_parts(polygons: Polygons) -> Iterator[bytes]:
+    """The f lines in the polygons' order: runs of polygons of one kind are written together."""
+    uv = polygons.uv_corners
+    first = np.cumsum(polygons.sizes) - polygons.sizes
+    bare = np.ones(len(first), bool) if uv is None else np.minimum.reduceat(uv, first) < 0
+    kind = polygons.sizes * 2 + bare
+    starts = np.flatnonzero(np.r_[True, kind[1:] != kind[:-1]])
+    for start, stop in zip(starts, [*starts[1:], len(kind)], strict=True):
+        size = int(polygons.sizes[start])
+        corners = slice(first[start], first[start] + size * (stop - start))
+        index = polygons.corners[corners].reshape(-1, size) + 1
+        if bare[start]:
+            yield from _rows("f" + " %d" * size + "\n", index)
+        else:
+            pairs = np.stack([index, polygons.uv_corners[corners].reshape(-1, size) + 1], axis=2)
+            yield from _rows("f" + " %d/%d" * size + "\n", pairs.reshape(len(index), -1))

@@ -1,0 +1,218 @@
+"""Pages to their files: true dpi, colour profile, as many bits as the format holds."""
+
+from __future__ import annotations
+
+import io
+import struct
+import zlib
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from planish.errors import OutputError
+from planish.io.files import write_bytes
+from planish.types import Page
+
+JPEG_QUALITY = 95
+"""Of 100, with colours at full resolution: no block can be seen at page size."""
+
+_MM_PER_INCH = 25.4
+_XRESOLUTION, _YRESOLUTION, _RESOLUTION_UNIT, _SOFTWARE = 0x011A, 0x011B, 0x0128, 0x0131
+
+
+def write_page(path: str | Path, page: Page) -> None:
+    """Write a page as TIFF, PNG, JPEG or PDF, by the suffix, with its true dpi and colour profile.
+
+    | kind of pixels | TIFF | PNG | JPEG | PDF |
+    |---|---|---|---|---|
+    | bool | CCITT G4, 1 bit | 1 bit | grey | CCITT G4 |
+    | 8 bit | Deflate | 8 bit | quality 95 | JPEG, quality 95 |
+    | 16 bit | Deflate | 16 bit | rounded to 8 bit | JPEG, rounded to 8 bit |
+
+    Parameters
+    ----------
+    path : str or Path
+        .tif, .tiff, .png, .jpg, .jpeg or .pdf.
+    page : Page
+
+    Raises
+    ------
+    OutputError
+        If the suffix is another, the format cannot hold so many pixels, or the file cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> page = Page(np.full((30, 20), 255, np.uint8), np.ones((30, 20), bool), dpi=300.0)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_page(f"{folder}/page.tif", page)
+    ...     Image.open(f"{folder}/page.tif").info["dpi"]
+    (300.0, 300.0)
+    """
+    write_pages(path, [page])
+
+
+def write_pages(path: str | Path, pages: Sequence[Page]) -> None:
+    """Write several pages into one TIFF or PDF (one page: also PNG or JPEG). As `write_page`."""
+    path = Path(path)
+    encode = _encoder(path)
+    if not pages:
+        raise OutputError(f"{path} was not written: there is no page to write")
+    if len(pages) > 1 and encode not in (_tiff, _pdf):
+        raise OutputError(f"{path} cannot hold {len(pages)} pages; .tif and .pdf can")
+    write_bytes(path, encode(path, pages))
+
+
+def check_page_name(path: str | Path) -> None:
+    """Refuse a name whose suffix is no kind of page, before long work.
+
+    Raises
+    ------
+    OutputError
+        If it is not .tif, .tiff, .png, .jpg, .jpeg or .pdf.
+    """
+    _encoder(Path(path))
+
+
+def _encoder(path: Path) -> Callable[[Path, Sequence[Page]], bytes]:
+    suffix = path.suffix.lower()
+    if suffix not in _ENCODERS:
+        raise OutputError(
+            f"{path}: a page is written as {', '.join(_ENCODERS)}; {suffix or 'no suffix'} is none of them"
+        )
+    return _ENCODERS[suffix]
+
+
+# TIFF
+
+
+def _tiff(path: Path, pages: Sequence[Page]) -> bytes:
+    if all(page.pixels.dtype == bool for page in pages):
+        return _bilevel_tiff(pages)
+    import tifffile
+
+    file = io.BytesIO()
+    with tifffile.TiffWriter(file) as writer:
+        for page in pages:
+            writer.write(
+                _grey(page.pixels),
+                photometric="rgb" if page.pixels.ndim == 3 else "minisblack",
+                compression="zlib",
+                compressionargs={"level": 1},  # level 6 takes 4 times as long for 5 % less
+                predictor=True,
+                rowsperstrip=max(1, 2**20 // max(1, page.pixels[:1].nbytes)),  # a strip a thread, of about 1 MB
+                resolution=(page.dpi, page.dpi),
+                resolutionunit="INCH",
+                iccprofile=page.icc,
+                software=_software(),
+                metadata=None,
+            )
+    return file.getvalue()
+
+
+def _bilevel_tiff(pages: Sequence[Page]) -> bytes:
+    images = [Image.fromarray(page.pixels) for page in pages]
+    for image, page in zip(images, pages, strict=True):
+        image.encoderinfo = {"dpi": (page.dpi, page.dpi), "software": _software()}
+    file = io.BytesIO()
+    images[0].save(file, "TIFF", compression="group4", save_all=True, append_images=images[1:], **images[0].encoderinfo)
+    return file.getvalue()
+
+
+# PNG
+
+
+def _png(path: Path, pages: Sequence[Page]) -> bytes:
+    (page,) = pages
+    if page.pixels.dtype == np.uint16:
+        return _sixteen_bit_png(page)
+    file = io.BytesIO()
+    options = {"icc_profile": page.icc} if page.icc else {}
+    level = 6 if page.pixels.dtype == bool else 1  # for colour, level 6 takes 5 times as long for 10 % less
+    image = Image.fromarray(page.pixels)
+    image.save(file, "PNG", compress_level=level, dpi=(page.dpi, page.dpi), **options)
+    return file.getvalue()
+
+
+def _sixteen_bit_png(page: Page) -> bytes:
+    """OpenCV's PNG with resolution and profile put behind its header: Pillow writes no 16 bit colour."""
+    import cv2
+
+    pixels = page.pixels if page.pixels.ndim == 2 else page.pixels[..., ::-1]
+    ok, encoded = cv2.imencode(".png", pixels, [cv2.IMWRITE_PNG_COMPRESSION, 1])
+    assert ok
+    data = encoded.tobytes()
+    per_metre = round(page.dpi * 1000 / _MM_PER_INCH)
+    chunks = _png_chunk(b"pHYs", struct.pack(">IIB", per_metre, per_metre, 1))
+    if page.icc:
+        chunks = _png_chunk(b"iCCP", b"ICC Profile\0\0" + zlib.compress(page.icc)) + chunks
+    header = 8 + 4 + 4 + 13 + 4  # signature; length, name, content and checksum of IHDR
+    return data[:header] + chunks + data[header:]
+
+
+def _png_chunk(name: bytes, content: bytes) -> bytes:
+    return struct.pack(">I", len(content)) + name + content + struct.pack(">I", zlib.crc32(name + content))
+
+
+# JPEG and PDF
+
+
+def _jpeg(path: Path, pages: Sequence[Page]) -> bytes:
+    (page,) = pages
+    rows, cols = page.pixels.shape[:2]
+    if max(rows, cols) > 65_500:
+        raise OutputError(
+            f"{path}: the page has {cols} x {rows} pixels and a JPEG at most 65500 a side; write .tif or .png"
+        )
+    exif = Image.Exif()  # JFIF holds whole dpi only
+    exif[_XRESOLUTION] = exif[_YRESOLUTION] = page.dpi
+    exif[_RESOLUTION_UNIT], exif[_SOFTWARE] = 2, _software()
+    options = {"icc_profile": page.icc} if page.icc else {}
+    file = io.BytesIO()
+    image = Image.fromarray(_eight_bit(_grey(page.pixels)))
+    dpi = (round(page.dpi), round(page.dpi))
+    image.save(file, "JPEG", quality=JPEG_QUALITY, subsampling=0, dpi=dpi, exif=exif, **options)
+    return file.getvalue()
+
+
+def _pdf(path: Path, pages: Sequence[Page]) -> bytes:
+    import img2pdf
+
+    parts = [(_tiff if page.pixels.dtype == bool else _jpeg)(path, [page]) for page in pages]
+    sizes = iter(pages)
+
+    def layout(width_px: int, height_px: int, dpi: object) -> tuple[float, float, float, float]:
+        points = 72.0 / next(sizes).dpi  # the file's own dpi may be rounded
+        return (width_px * points, height_px * points) * 2
+
+    return bytes(img2pdf.convert(parts, layout_fun=layout, creator=_software(), nodate=True))
+
+
+_ENCODERS: dict[str, Callable[[Path, Sequence[Page]], bytes]] = {
+    ".tif": _tiff,
+    ".tiff": _tiff,
+    ".png": _png,
+    ".jpg": _jpeg,
+    ".jpeg": _jpeg,
+    ".pdf": _pdf,
+}
+
+
+def _grey(pixels: NDArray) -> NDArray:
+    """True and False as white and black."""
+    return pixels.astype(np.uint8) * np.uint8(255) if pixels.dtype == bool else pixels
+
+
+def _eight_bit(pixels: NDArray) -> NDArray[np.uint8]:
+    if pixels.dtype == np.uint8:
+        return pixels
+    return ((pixels.astype(np.uint32) + 128) // 257).astype(np.uint8)
+
+
+def _software() -> str:
+    from planish import __version__
+
+    return f"planish {__version__}"

@@ -1,0 +1,111 @@
+"""The unit that a mesh file's numbers are in: most formats do not say."""
+
+from __future__ import annotations
+
+import re
+from typing import Literal, get_args
+
+import numpy as np
+
+from planish.errors import UsageError
+from planish.types import Floats
+
+Unit = Literal["mm", "cm", "m", "in"]
+
+MM_PER_UNIT: dict[Unit, float] = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
+
+PAGE_MM = (50.0, 1500.0)
+"""Diagonal of a page that is taken for one: from a bus ticket to a newspaper spread."""
+
+A4_MM = 364.0
+"""Diagonal of the usual page."""
+
+_HINT = re.compile(
+    r"\bunits?\s*(?:[:=]\s*|\s(?:is|are|in)\s+)(mm|millimet(?:er|re)s?|cm|centimet(?:er|re)s?|m|met(?:er|re)s?|in|inch(?:es)?)\b",
+    re.IGNORECASE,
+)
+_FULL_NAMES: dict[str, Unit] = {"millimet": "mm", "centimet": "cm", "met": "m", "inch": "in"}
+
+
+def unit_named_in(comments: str) -> Unit | None:
+    """Find a unit that the comments of a file name, such as ``# units: mm``.
+
+    Examples
+    --------
+    >>> unit_named_in("made by a scanner; Units = millimetres")
+    'mm'
+    >>> unit_named_in("a unit of paper") is None
+    True
+    """
+    found = _HINT.search(comments)
+    if not found:
+        return None
+    word = found[1].lower()
+    short = next((unit for name, unit in _FULL_NAMES.items() if word.startswith(name)), word)
+    return short  # type: ignore[return-value]
+
+
+def decide_unit(points: Floats, asked: str, named: Unit | None) -> tuple[Unit, list[str]]:
+    """Decide in which unit the numbers of a file are, and say so where that is not plain.
+
+    What the user asked for holds; else what the file names; else millimetres if they make a page of 50 to 1500 mm
+    from corner to corner; else whichever of cm, m and inches brings it nearest to an A4 page (364 mm).
+
+    Parameters
+    ----------
+    points : (n, 3) float64
+        In the file's unit; points that are not finite are left out.
+    asked : {"auto", "mm", "cm", "m", "in"}
+    named : {"mm", "cm", "m", "in"} or None
+        What the file itself says.
+
+    Returns
+    -------
+    unit : {"mm", "cm", "m", "in"}
+    warnings : list of str
+
+    Examples
+    --------
+    >>> sheet = np.array([[0.0, 0.0, 0.0], [8.5, 11.0, 0.0]])
+    >>> decide_unit(sheet, "auto", None)
+    ('in', ['the file names no unit; its numbers were taken as in, which makes it 353 mm from corner to corner ...'])
+    >>> decide_unit(sheet, "mm", None)
+    ('mm', ['the sheet is 13.9 mm from corner to corner when its numbers are taken as mm; is the unit right? ...'])
+    """
+    if asked not in ("auto", *get_args(Unit)):
+        raise UsageError(f"the unit must be one of auto, {', '.join(get_args(Unit))}, not {asked}")
+    diagonal = _diagonal(points)
+    if asked != "auto" or named:
+        unit: Unit = named if asked == "auto" and named else asked  # type: ignore[assignment]
+        return unit, _doubt(diagonal * MM_PER_UNIT[unit], unit)
+    if not diagonal > 0 or _is_page(diagonal):
+        return "mm", []
+    unit = min(MM_PER_UNIT, key=lambda u: abs(np.log(diagonal * MM_PER_UNIT[u] / A4_MM)))
+    size = diagonal * MM_PER_UNIT[unit]
+    warning = (
+        f"the file names no unit; its numbers were taken as {unit}, which makes it {size:.3g} mm from corner to corner"
+    )
+    if not A4_MM / 4 < size < A4_MM * 4:
+        warning = (
+            f"the file names no unit, and none of mm, cm, m, in makes a usual page of it; its numbers were taken as"
+            f" {unit}: {size:.3g} mm from corner to corner, so sizes and dpi are right only up to a factor"
+        )
+    return unit, [warning + "; say --units if that is wrong"]
+
+
+def _diagonal(points: Floats) -> float:
+    finite = points[np.isfinite(points).all(1)]
+    return float(np.linalg.norm(np.ptp(finite, axis=0))) if len(finite) else 0.0
+
+
+def _is_page(diagonal_mm: float) -> bool:
+    return PAGE_MM[0] <= diagonal_mm <= PAGE_MM[1]
+
+
+def _doubt(diagonal_mm: float, unit: Unit) -> list[str]:
+    if not diagonal_mm > 0 or _is_page(diagonal_mm):
+        return []
+    return [
+        f"the sheet is {diagonal_mm:.3g} mm from corner to corner when its numbers are taken as {unit}; is the unit"
+        f" right? --units takes another"
+    ]

@@ -1,0 +1,166 @@
+"""The whole walk: a scan goes in; the flat page and an account of it come out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from time import perf_counter
+
+import numpy as np
+
+from planish.binarize import binarize
+from planish.flatten import direction_of_growth, to_page_frame, turned
+from planish.flatten import flatten as lay_flat
+from planish.mesh import Cleaned, clean, to_file_order
+from planish.render import Rendered, draw, project
+from planish.report import account
+from planish.settings import FlattenSettings, RestoreSettings, Rotation
+from planish.types import Flattening, Floats, Ints, Mesh, PageReport, Restoration, Scan
+
+Progress = Callable[[str, float], None]
+"""Told the name of the stage and the share of it that is done."""
+
+
+def restore(scan: Scan, settings: RestoreSettings | None = None, progress: Progress | None = None) -> Restoration:
+    """Flatten a scan and draw its page.
+
+    Parameters
+    ----------
+    scan : Scan
+        Without a photo only the geometry is done.
+    settings : RestoreSettings, optional
+    progress : callable, optional
+        Told (stage, share done) now and then.
+
+    Raises
+    ------
+    InputError
+        Where the scan is not a sheet that can be flattened, or its photo cannot be drawn.
+
+    Examples
+    --------
+    >>> from planish.gallery import sheet, sheet_mesh
+    >>> mesh, _ = sheet_mesh(sheet("book"), points=4000, layout="grid")
+    >>> done = restore(Scan(mesh))
+    >>> done.report.settled, [round(mm) for mm in done.flattening.size_mm]
+    (True, [216, 279])
+    """
+    s = settings or RestoreSettings()
+    stage = Stages(progress or (lambda name, share: None))
+    with stage("clean"):
+        cleaned = clean(_with_photo_places(scan))
+    with stage("flatten") as tell:
+        flat = lay_flat(cleaned.scan.mesh, cleaned.topology, s.flatten, tell)
+    with stage("turn"):
+        flat = _the_right_way_round(cleaned, flat, s.rotate)
+    rendered = binary = None
+    if scan.photo is not None:
+        with stage("render"):
+            rendered = draw(cleaned.scan, flat.page_xy, flat.size_mm, s.render)
+        if s.binarize.binarize != "none":
+            with stage("binarize"):
+                binary = binarize(rendered.page, s.binarize)
+    with stage("measure"):
+        warnings = [*cleaned.warnings, *flat.warnings]
+        report = account(scan, cleaned, flat, _page_report(flat, rendered), s.flatten, stage.seconds, warnings)
+    report = replace(report, seconds=stage.seconds, seconds_total=sum(stage.seconds.values()))
+    flat = replace(flat, page_xy=to_file_order(cleaned, scan.mesh.points, flat.page_xy))
+    return Restoration(flat, rendered.page if rendered else None, None, binary, report)
+
+
+def flatten(
+    mesh: Mesh | Floats,
+    faces: Ints | None = None,
+    settings: FlattenSettings | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Flattening:
+    """Lay a mesh flat: the geometry alone, from plain arrays.
+
+    Parameters
+    ----------
+    mesh : Mesh or (n, 3) float64 [mm]
+        Or the points alone, with `faces` beside them.
+    faces : (m, 3) int, optional
+        Counter-clockwise seen from the printed side.
+    settings : FlattenSettings, optional
+    progress : callable, optional
+        Told the share of the work that is done, now and then.
+
+    Returns
+    -------
+    Flattening
+        `page_xy` (n, 2) has every point's place in the order that came in: x right, y down, in mm.
+
+    Raises
+    ------
+    InputError
+        Where the mesh is not a sheet that can be flattened.
+
+    Examples
+    --------
+    A strip bent over a quarter of a cylinder of radius 100:
+
+    >>> angle = np.linspace(0, np.pi / 2, 50)
+    >>> points = np.array([[100 * np.sin(a), y, 100 * np.cos(a)] for a in angle for y in (0.0, 10.0)])
+    >>> left = np.arange(0, 98, 2)
+    >>> faces = np.r_[np.c_[left, left + 2, left + 1], np.c_[left + 1, left + 2, left + 3]]
+    >>> [round(float(mm), 1) for mm in flatten(points, faces).size_mm]
+    [10.0, 157.1]
+    """
+    sheet = mesh if isinstance(mesh, Mesh) else Mesh(mesh, np.zeros((0, 3), np.int32) if faces is None else faces)
+    cleaned = clean(Scan(sheet))
+    flat = lay_flat(cleaned.scan.mesh, cleaned.topology, settings, progress)
+    flat = _the_right_way_round(cleaned, flat, "auto")
+    return replace(
+        flat,
+        page_xy=to_file_order(cleaned, sheet.points, flat.page_xy),
+        warnings=(*cleaned.warnings, *flat.warnings),
+    )
+
+
+@dataclass
+class Stages:
+    """Names and times the stages of the walk."""
+
+    progress: Progress
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    @contextmanager
+    def __call__(self, name: str) -> Iterator[Callable[[float], None]]:
+        """Time a stage; gives what tells its progress."""
+        self.progress(name, 0.0)
+        start = perf_counter()
+        yield lambda share: self.progress(name, share)
+        self.seconds[name] = perf_counter() - start
+        self.progress(name, 1.0)
+
+
+def _with_photo_places(scan: Scan) -> Scan:
+    """A scan that came with a camera only learns where its points lie on the photo."""
+    if scan.camera is None or scan.photo_xy is not None:
+        return scan
+    return replace(scan, photo_xy=project(scan.camera, scan.mesh.points))
+
+
+def _the_right_way_round(cleaned: Cleaned, flat: Flattening, rotate: Rotation) -> Flattening:
+    """Sides along x and y, long side upright, the photo's top on top; or as the user said, from the photo's top."""
+    mesh, photo_xy = cleaned.scan.mesh, cleaned.scan.photo_xy
+    if photo_xy is None:
+        up = direction_of_growth(flat.page_xy, mesh.points[:, 1])
+    elif photo_xy.ndim == 2:
+        up = -direction_of_growth(flat.page_xy, photo_xy[:, 1])
+    else:
+        up = -direction_of_growth(flat.page_xy[mesh.faces[:, 0]], photo_xy[:, 0, 1])
+    page_xy, size = to_page_frame(flat.page_xy, up, long_side_upright=rotate == "auto")
+    if rotate not in ("auto", "0"):
+        page_xy, size = turned(page_xy, float(rotate))
+    return replace(flat, page_xy=page_xy, size_mm=size)
+
+
+def _page_report(flat: Flattening, rendered: Rendered | None) -> PageReport:
+    width, height = flat.size_mm
+    if rendered is None:
+        return PageReport(width, height)
+    page, found = rendered.page, rendered.resolution
+    return PageReport(width, height, page.dpi, found.low_ppi, found.median_ppi, float(page.known.mean()))

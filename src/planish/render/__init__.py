@@ -1,0 +1,7 @@
+"""The photo drawn through the flattened mesh, at true size."""
+
+from planish.render.camera import project
+from planish.render.draw import Rendered, draw
+from planish.render.resolution import Resolution
+
+__all__ = ["Rendered", "Resolution", "draw", "project"]

@@ -1,0 +1,79 @@
+"""Cameras: points onto the photo, and a camera found again from where the points lie on the photo."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from planish.types import Camera, Floats
+
+ENOUGH_POINTS = 4000
+"""Of a scan's points, to find its camera from."""
+GOOD_FIT = 0.005
+"""Rms misfit, in parts of the photo's diagonal, up to which photo places are taken to come from one camera."""
+
+
+def project(camera: Camera, points: Floats) -> Floats:
+    """Place points on the photo: (n, 2) float64 [photo px], x right, y down, with the lens's distortion."""
+    if not len(points):
+        return np.zeros((0, 2))
+    turn, _ = cv2.Rodrigues(np.asarray(camera.rotation, np.float64))
+    lens = np.asarray(camera.distortion, np.float64) if len(camera.distortion) else None
+    xy, _ = cv2.projectPoints(
+        np.ascontiguousarray(points, np.float64), turn, np.asarray(camera.translation, np.float64), camera.matrix, lens
+    )
+    return np.asarray(xy, np.float64).reshape(-1, 2)
+
+
+def depths(camera: Camera, points: Floats) -> Floats:
+    """Depth of points in front of a camera: (n,) float64 [mm]."""
+    return np.asarray(points @ camera.rotation[2] + np.ravel(camera.translation)[2])
+
+
+def resect(points: Floats, photo_xy: Floats) -> Floats | None:
+    """Find the camera that sees given points at given places of the photo, as a matrix.
+
+    The direct linear transform of Hartley and Zisserman (2004, 7.1): the 12 numbers of P in
+    (x, y, 1) ~ P (X, Y, Z, 1) are the least singular vector of two linear equations a point.
+
+    Parameters
+    ----------
+    points : (n, 3) float64 [mm]
+    photo_xy : (n, 2) float64 [photo px]
+
+    Returns
+    -------
+    (3, 4) float64, or None
+        Scaled so that the third row gives positive numbers in proportion to depth. None where no camera sees the
+        points so, as in an atlas of texture patches. Of points in one plane one of many fitting cameras is returned.
+    """
+    some = slice(None, None, max(1, len(points) // ENOUGH_POINTS))
+    space, to_space = _normalised(points[some])
+    image, to_image = _normalised(photo_xy[some])
+    if len(space) < 6:
+        return None
+    zero = np.zeros_like(space)
+    equations = np.concatenate(
+        [np.c_[space, zero, -image[:, :1] * space], np.c_[zero, space, -image[:, 1:2] * space]]
+    )
+    camera = np.linalg.eigh(equations.T @ equations)[1][:, 0].reshape(3, 4)
+    camera = np.linalg.inv(to_image) @ camera @ to_space
+    seen = np.c_[points, np.ones(len(points))] @ camera.T
+    if np.median(seen[:, 2]) < 0:
+        camera, seen = -camera, -seen
+    if not (seen[:, 2] > 0).all():
+        return None
+    misfit = seen[:, :2] / seen[:, 2:] - photo_xy
+    good = np.sqrt((misfit**2).sum(axis=1).mean()) < GOOD_FIT * np.linalg.norm(np.ptp(photo_xy, axis=0))
+    return camera if good else None
+
+
+def _normalised(positions: Floats) -> tuple[Floats, Floats]:
+    """Homogeneous positions with mean 0 and unit spread, and the matrix that made them."""
+    middle = positions.mean(axis=0)
+    scale = 1 / max(float(np.sqrt(((positions - middle) ** 2).mean())), 1e-12)
+    size = positions.shape[1]
+    matrix = np.eye(size + 1)
+    matrix[:size, :size] *= scale
+    matrix[:size, size] = -scale * middle
+    return np.c_[positions, np.ones(len(positions))] @ matrix.T, matrix
