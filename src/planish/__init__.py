@@ -5,8 +5,8 @@
 >>> done = planish.restore(made.scan)
 >>> done.report.outcome
 'The sheet lies flat on the plane and its sticks have come to rest.'
->>> done.rendered.pixels.shape
-(3300, 2550, 3)
+>>> round(done.report.page.width_mm), round(done.report.page.height_mm), done.rendered.dpi
+(216, 279, 300.0)
 """
 
 from __future__ import annotations

@@ -1,0 +1,60 @@
+"""What the documentation says is held against the program."""
+
+import importlib.util
+import re
+from pathlib import Path
+
+import pytest
+
+import planish
+from planish import errors
+from planish.cli.main import DID_NOT_SETTLE, INTERRUPTED
+
+ROOT = Path(__file__).parent.parent
+PAGES = [*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")]
+
+
+def test_docs_cli_is_what_the_program_says():
+    spec = importlib.util.spec_from_file_location("make_cli", ROOT / "docs" / "make_cli.py")
+    make_cli = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(make_cli)
+    assert (ROOT / "docs" / "cli.md").read_text() == make_cli.text(), "run: python docs/make_cli.py"
+
+
+def test_every_flag_in_the_prose_exists():
+    flags = set(re.findall(r"--[a-z][a-z0-9.-]*", (ROOT / "docs" / "cli.md").read_text()))
+    other_programs = {"--help", "--version", "--no-overwrite"}
+    for page in PAGES:
+        if page.name in ("benchmarks.md", "CONTRIBUTING.md"):  # these call scripts with flags of their own
+            continue
+        found = set(re.findall(r"(?<![\w-])--[a-z][a-z0-9.-]*[a-z0-9]", page.read_text()))
+        assert found <= flags | other_programs, (page.name, found - flags - other_programs)
+
+
+def test_exit_codes_in_the_docs_are_the_real_ones():
+    text = (ROOT / "docs" / "errors.md").read_text()
+    real = {cls.__name__: cls.exit_code for cls in errors.PlanishError.__subclasses__()}
+    documented = {name: int(code) for code, name in re.findall(r"^\| (\d+) \|.*`(\w+Error)` \|$", text, re.M)}
+    assert documented == real
+    assert f"| {DID_NOT_SETTLE} |" in text
+    assert f"| {INTERRUPTED} |" in text
+
+
+def test_everything_named_for_python_users_can_be_had_and_is_explained():
+    for name in planish.__all__:
+        assert getattr(planish, name).__doc__, name
+    assert set(planish.__all__) == set(planish._WHERE)
+    with pytest.raises(AttributeError, match="no_such_thing"):
+        planish.no_such_thing  # noqa: B018
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
+def test_links_between_pages_lead_somewhere(page):
+    for target in re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", page.read_text()):
+        if "://" not in target:
+            assert (page.parent / target).exists(), target
+
+
+def test_the_version_is_the_same_everywhere():
+    declared = re.search(r'^version = "(.+)"', (ROOT / "pyproject.toml").read_text(), re.M)
+    assert declared.group(1) == planish.__version__
