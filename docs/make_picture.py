@@ -1,4 +1,4 @@
-"""Make the README's picture, warped photo | scan | restored page, with the program itself: python docs/make_picture.py."""
+"""Make the README's picture, warped photo | scan | restored page, with the program: python docs/make_picture.py."""
 
 import tempfile
 from pathlib import Path

@@ -8,7 +8,6 @@ import numpy as np
 
 from planish.types import Bools, Floats, Mesh, Page, Pixels, Restoration, Scan
 
-
 SHEET = ("1-warped", "3-mesh-before", "5-restored", "2-warped-binary", "4-mesh-after", "6-restored-binary")
 """The order on the sheet of all pictures: colour above black and white, before left of after."""
 

@@ -5,6 +5,7 @@ from planish.mesh.carry import carry
 from planish.mesh.clean import Cleaned, clean
 from planish.mesh.measures import angle_sums, area_vectors, border_loops
 from planish.mesh.place import to_file_order
+from planish.mesh.projection import depths, project
 from planish.mesh.raster import rasterise
 from planish.mesh.subsample import Coarse, subsample
 from planish.mesh.support import stand_on_table
@@ -19,7 +20,9 @@ __all__ = [
     "border_loops",
     "carry",
     "clean",
+    "depths",
     "neighbours",
+    "project",
     "rasterise",
     "stand_on_table",
     "subsample",

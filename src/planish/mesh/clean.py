@@ -69,7 +69,7 @@ def clean(scan: Scan) -> Cleaned:
     kept = _without_dust(area_vectors(points, faces[rows]), piece, warnings)
     if not kept.all():
         rows, turned = rows[kept], turned[kept]
-        piece = np.unique(piece[kept], return_inverse=True)[1]
+        piece = np.unique(piece[kept], return_inverse=True)[1].astype(np.int32)
     photo_xy = _per_corner(scan, welded=weld is not None)
     turned = _printed_side_up(points, faces[rows], piece, turned, photo_xy, rows, warnings)
     return _assemble(scan, faces, rows, piece, turned, photo_xy, weld, topo if kept.all() else None, warnings)
@@ -84,7 +84,7 @@ def _check(points: Floats, faces: Ints) -> None:
         )
     low, high = int(faces.min()), int(faces.max())
     if low < 0 or high >= len(points):
-        row = int(np.argmax(((faces < 0) | (faces >= len(points))).any(axis=1)))
+        row = int(np.argmax((faces.min(axis=1) < 0) | (faces.max(axis=1) >= len(points))))
         raise InputError(
             f"face {row} uses point {low if low < 0 else high}, but the scan has {len(points):,} points (counted from "
             "0); was the file cut short?"
@@ -93,7 +93,7 @@ def _check(points: Floats, faces: Ints) -> None:
 
 def _usable(points: Floats, faces: Ints, warnings: list[str]) -> Ints:
     """Rows of the faces whose points are finite and three."""
-    finite = np.isfinite(points).all(axis=1)
+    finite = np.asarray(np.isfinite(points).all(axis=1))
     rows = np.arange(len(faces), dtype=np.int32)
     if not finite.all():
         good = finite[faces].all(axis=1)

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from planish.mesh import area_vectors, rasterise
-from planish.types import Floats, Ints, Pixels
+from planish.types import Bools, Floats, Ints, Pixels
 
 BACKGROUND = np.array([250, 250, 248], np.uint8)
 GROUND = np.array([225, 225, 222], np.uint8)
@@ -55,7 +56,7 @@ def relief(points: Floats, faces: Ints, *, height: int = 900, tilt: float = 50.0
     return picture
 
 
-def side_by_side(pictures: Sequence[Pixels], *, columns: int = 6, height: int = 900, gap: int = 24) -> Pixels:
+def side_by_side(pictures: Sequence[Pixels | Bools], *, columns: int = 6, height: int = 900, gap: int = 24) -> Pixels:
     """Bring pictures to one height and set them in rows on a light ground.
 
     Parameters
@@ -80,20 +81,20 @@ def side_by_side(pictures: Sequence[Pixels], *, columns: int = 6, height: int = 
     return sheet
 
 
-def _of_height(picture: Pixels, height: int) -> Pixels:
+def _of_height(picture: NDArray[np.uint8], height: int) -> NDArray[np.uint8]:
     import cv2
 
     rows, cols = picture.shape[:2]
     size = (max(1, round(cols * height / rows)), height)
-    return np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA if rows > height else cv2.INTER_CUBIC))
+    return np.asarray(
+        cv2.resize(picture, size, interpolation=cv2.INTER_AREA if rows > height else cv2.INTER_CUBIC), np.uint8
+    )
 
 
-def _eight_bit(picture: Pixels) -> Pixels:
-    if picture.dtype == bool:
-        picture = np.where(picture, 255, 0).astype(np.uint8)
-    elif picture.dtype == np.uint16:
-        picture = (picture >> 8).astype(np.uint8)
-    return picture if picture.ndim == 3 else np.repeat(picture[..., None], 3, axis=2)
+def _eight_bit(picture: Pixels | Bools) -> NDArray[np.uint8]:
+    scale = {np.dtype(bool): 255.0, np.dtype(np.uint16): 1 / 257}.get(picture.dtype, 1.0)
+    eight = picture if picture.dtype == np.uint8 else (picture * scale).astype(np.uint8)
+    return np.asarray(eight if eight.ndim == 3 else np.repeat(eight[..., None], 3, axis=2), np.uint8)
 
 
 def _point_normals(points: Floats, faces: Ints) -> Floats:
