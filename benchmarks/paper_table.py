@@ -52,13 +52,15 @@ def rows(name: str, scan: Scan, truth: np.ndarray, lengths: str, all_steps: int)
             start = perf_counter()
             sticks = make_sticks(solved, topo, lengths)
             made = perf_counter()
-            x, outcome, steps, residuals, heights = settle(solved.points, sticks, settings)
+            settled = settle(solved, sticks, settings)
             done = perf_counter()
-        flat = carry(coarse, points, x[:, :2]) if coarse else x[:, :2]
+        x = settled.points[:, :2]
+        flat = carry(coarse, points, x) if coarse else x
         flips = flipped_faces(mesh.faces, flat * [1, -1])
         yield (
             f"| {name} | {lengths} | {len(x):,} | {len(sticks.rest):,} | {made - start:.3f} | {done - made:.2f} | "
-            f"{steps} | {outcome.name} | {heights[-1]:.2f} | {residuals[-1]:.1e} | {rigid_rms(flat, truth):.3f} | "
+            f"{len(settled.heights)} | {settled.outcome.name} | {settled.heights[-1]:.2f} | {settled.residuals[-1]:.1e} | "
+            f"{rigid_rms(flat, truth):.3f} | "
             f"{flips:,} |"
         )
 
