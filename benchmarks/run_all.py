@@ -46,7 +46,7 @@ SECTIONS = {
 def main() -> None:
     asked = sys.argv[1:] or [name for name in SECTIONS if (HERE / f"{name}.py").exists()]
     old = PAGE.read_text() if PAGE.exists() else ""
-    kept = {name: text for name, text in re.findall(r"<!-- (\w+) -->\n(.*?)(?=<!-- |\Z)", old, re.S)}
+    kept = dict(re.findall(r"<!-- (\w+) -->\n(.*?)(?=<!-- |\Z)", old, re.S))
     for name in asked:
         title, prose = SECTIONS[name]
         print(f"{name} ...", flush=True)

@@ -9,7 +9,7 @@ from planish.settings import FlattenSettings
 from planish.types import Mesh, Outcome, Scan
 from shapes import arch, grid, rigid_rms
 
-METHODS = ["verlet"]
+METHODS = ["multigrid", "verlet"]
 UV, FACES = grid(24, 18)
 RADIUS = 90.0  # bent by 64 degrees to either side; an arch past the vertical may fold its legs in when it falls
 CHORDS = 2 * RADIUS * 17 * np.sin(200 / 17 / (2 * RADIUS)) / 200  # seventeen chords of the arc are all the mesh knows

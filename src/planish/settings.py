@@ -12,9 +12,7 @@ from planish.errors import UsageError
 
 Lengths = Literal["smooth", "unfolded", "straight"]
 Method = Literal["multigrid", "verlet"]
-Binarization = Literal[
-    "none", "otsu", "sauvola", "niblack", "wolf", "nick", "gatos", "su", "isauvola", "wan", "trsingh", "bataineh"
-]
+Binarization = Literal["none", "nick", "sauvola", "wolf", "trsingh", "bataineh", "su", "otsu"]
 Rotation = Literal["auto", "0", "90", "180", "270"]
 
 
@@ -60,25 +58,51 @@ class VerletSettings:
 
 
 @dataclass(frozen=True, kw_only=True)
+class MultigridSettings:
+    """The solver for all points.
+
+    Attributes
+    ----------
+    tolerance : float
+        The sheet is at rest when the next step would move its points by less than this part of the sheet's side,
+        rms: 0.0005 mm on a letter. What is left to the minimum is a few times as much.
+    max_steps : int
+        Give up after so many steps and say so. Sheets of paper take 0 to 25, surfaces that cannot lie flat more.
+    """
+
+    tolerance: float = 2e-6
+    max_steps: int = 100
+
+    def __post_init__(self) -> None:
+        for name in ("tolerance", "max_steps"):
+            value = getattr(self, name)
+            if not value > 0:
+                raise UsageError(f"{name} must be greater than 0, not {value}")
+
+
+@dataclass(frozen=True, kw_only=True)
 class FlattenSettings:
     """How a mesh becomes flat.
 
     Attributes
     ----------
-    method : {"verlet"}
-        verlet: the particle system of the paper.
-    lengths : {"unfolded", "straight"}
-        Rest length of a bending stick: the distance of the two corners after their triangles are laid into one
-        plane (unfolded), or as they stand in space (straight, the paper's; too short across a fold).
+    method : {"multigrid", "verlet"}
+        multigrid: the sticks' energy minimised for all points at once. verlet: the particle system of the paper.
+    lengths : {"smooth", "unfolded", "straight"}
+        Rest lengths of the sticks. smooth: along the surface without the scanner's noise, true across creases.
+        unfolded: edges as scanned, and two triangles laid into one plane for the bending stick across them.
+        straight: that stick as it stands in space, as the paper has it; too short across a fold.
     points : int, "all" or "auto"
         Reduce the sheet to about so many points before solving. auto: all of them, but the paper's 1,000 for verlet.
         Every point of the scan gets its place on the page in any case.
+    multigrid : MultigridSettings
     verlet : VerletSettings
     """
 
-    method: Method = "verlet"
-    lengths: Lengths = "unfolded"
+    method: Method = "multigrid"
+    lengths: Lengths = "smooth"
     points: int | Literal["all", "auto"] = "auto"
+    multigrid: MultigridSettings = field(default_factory=MultigridSettings)
     verlet: VerletSettings = field(default_factory=VerletSettings)
 
     def __post_init__(self) -> None:
@@ -109,24 +133,26 @@ class BinarizeSettings:
 
     Attributes
     ----------
-    binarize : {"none", "otsu", "sauvola", "niblack", "wolf", "nick", "gatos", "su", "isauvola", "wan", "trsingh", \
-"bataineh"}
-        The threshold's method. otsu has one threshold for the page, all others one for every neighbourhood.
+    binarize : {"none", "nick", "sauvola", "wolf", "trsingh", "bataineh", "su", "otsu"}
+        How the threshold is found. nick, which keeps faint print beside black print best, sauvola and their like
+        look at the neighbourhood of each pixel; su takes a hundred times as long. otsu has one threshold for the
+        page: for pages without shade.
     window_mm : float
-        Side of the neighbourhood on the page: about three lines of text high.
-    k : float
-        Sauvola's and Wolf's weight of the contrast: more gives thinner strokes, less picks up stains.
+        Side of the neighbourhood on the page: about one and a half lines of text high.
+    k : float or "auto"
+        How much darker than its neighbourhood ink must be; more gives thinner strokes and loses faint print. auto:
+        what does best for the method (docs/benchmarks.md has the table).
     """
 
-    binarize: Binarization = "sauvola"
+    binarize: Binarization = "nick"
     window_mm: float = 6.0
-    k: float = 0.34
+    k: float | Literal["auto"] = "auto"
 
     def __post_init__(self) -> None:
         if not 0.1 <= self.window_mm <= 1000:
             raise UsageError(f"window_mm must be between 0.1 and 1000, not {self.window_mm}")
-        if not 0 < self.k < 1:
-            raise UsageError(f"k must be between 0 and 1, not {self.k}")
+        if self.k != "auto" and not 0 < self.k < 1:
+            raise UsageError(f"k must be between 0 and 1, or auto, not {self.k}")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
+from numpy.typing import NDArray
 
+from planish.errors import UsageError
 from planish.settings import BinarizeSettings
 from planish.types import Page
 
-WITH_K = ("sauvola", "niblack", "wolf", "nick", "isauvola", "wan", "trsingh")
-"""Methods that weigh the contrast by k; the others have no such choice."""
+BEST_K = {"nick": 0.2, "sauvola": 0.34, "wolf": 0.6, "trsingh": 0.2}
+"""Of the methods that have such a weight: the F1 of ink is best a little above these, and faint print is lost there."""
+SMALLEST = 32
+"""Sides of pages below this are filled up: the library divides by zero on pages of a few pixels."""
 
 
 def binarize(page: Page, settings: BinarizeSettings | None = None) -> Page:
@@ -24,7 +29,18 @@ def binarize(page: Page, settings: BinarizeSettings | None = None) -> Page:
     Returns
     -------
     Page
-        Its pixels are bool, True is paper. What is not known is paper.
+        Its pixels are bool, True is paper. What is not known is paper, and so is a page of one grey.
+
+    Raises
+    ------
+    UsageError
+        Where the method is "none".
+
+    Notes
+    -----
+    The default is the NICK threshold of Khurshid et al. (2009), T = m - k sqrt(v + m^2) with m the mean and v the
+    variance of the neighbourhood. Where there is little ink it stays at (1 - k) m, where Sauvola's falls to half the
+    paper's brightness and faint print is lost.
 
     Examples
     --------
@@ -37,24 +53,36 @@ def binarize(page: Page, settings: BinarizeSettings | None = None) -> Page:
     import doxapy
 
     s = settings or BinarizeSettings()
+    if s.binarize == "none":
+        raise UsageError('binarize is "none", so there is no black and white page to make; choose a method')
     grey = _grey(page)
-    side = max(3, round(s.window_mm * page.dpi / 25.4)) | 1
-    side = min(side, 2 * (min(grey.shape) // 2) - 1) if min(grey.shape) > 3 else 3
-    parameters = {"window": side} | ({"k": s.k} if s.binarize in WITH_K else {})
+    if grey.min() == grey.max():
+        return Page(np.ones(grey.shape, bool), page.known, page.dpi)
+    rows, cols = grey.shape
+    if min(rows, cols) < SMALLEST:
+        grey = cv2.copyMakeBorder(grey, 0, max(0, SMALLEST - rows), 0, max(0, SMALLEST - cols), cv2.BORDER_REPLICATE)
     threshold = doxapy.Binarization(getattr(doxapy.Binarization.Algorithms, s.binarize.upper()))
     threshold.initialize(grey)
     out = np.empty_like(grey)
-    threshold.to_binary(out, parameters)
-    return Page((out > 127) | ~page.known, page.known, page.dpi)
+    threshold.to_binary(out, _parameters(s, page.dpi, min(grey.shape)))
+    return Page((out[:rows, :cols] > 127) | ~page.known, page.known, page.dpi)
 
 
-def _grey(page: Page) -> np.ndarray:
+def _parameters(s: BinarizeSettings, dpi: float, short_side: int) -> dict[str, int | float]:
+    """The library's: an odd window within the page, and its sign of k."""
+    window = min(max(3, round(s.window_mm * dpi / 25.4)), max(3, short_side - 1))
+    parameters: dict[str, int | float] = {"window": window if window % 2 else window - 1}
+    if s.binarize in BEST_K:
+        k = BEST_K[s.binarize] if s.k == "auto" else float(s.k)
+        parameters["k"] = -k if s.binarize == "nick" else k
+    return parameters
+
+
+def _grey(page: Page) -> NDArray[np.uint8]:
     """Brightness as 8 bit: the luma of sRGB, as OCR programs and thresholds expect it."""
-    pixels = page.pixels
+    pixels = np.asarray(page.pixels)
     if pixels.dtype == np.uint16:
-        pixels = (pixels >> 8).astype(np.uint8)
+        pixels = (pixels // 256).astype(np.uint8)
     if pixels.ndim == 3:
-        import cv2
-
         pixels = cv2.cvtColor(np.ascontiguousarray(pixels), cv2.COLOR_RGB2GRAY)
     return np.ascontiguousarray(pixels, np.uint8)

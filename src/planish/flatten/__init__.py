@@ -3,29 +3,39 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
 
 from planish.flatten.frame import direction_of_growth, place_on_page, to_page_frame, turned
+from planish.flatten.multigrid import relax
 from planish.flatten.verlet import settle
 from planish.mesh import Topology, carry, stand_on_table, subsample, topology
 from planish.settings import FlattenSettings
 from planish.sticks import make_sticks, strain
-from planish.types import Flattening, Mesh
+from planish.types import Flattening, Floats, Mesh, Outcome, Sticks
 
-__all__ = ["direction_of_growth", "flatten", "place_on_page", "settle", "to_page_frame", "turned"]
+__all__ = ["direction_of_growth", "flatten", "place_on_page", "relax", "settle", "to_page_frame", "turned"]
 
-_THROUGH = (
-    "{:,} points went through another layer of the sheet while it fell, so the page may be folded over itself; "
-    "--verlet.self-collision keeps layers apart"
-)
 PAPER_POINTS = 1000
 """How many of 307,000 points the paper kept, and what its method gets here unless told otherwise."""
 
+Progress = Callable[[float], None]
+
+
+class Solved(NamedTuple):
+    """What a method makes of a sheet; see `Flattening` for the fields."""
+
+    xy: Floats
+    outcome: Outcome
+    residuals: Floats
+    heights: Floats
+    passed_points: int
+    warnings: tuple[str, ...]
+
 
 def flatten(
-    mesh: Mesh,
-    topo: Topology,
-    settings: FlattenSettings | None = None,
-    progress: Callable[[float], None] | None = None,
+    mesh: Mesh, topo: Topology, settings: FlattenSettings | None = None, progress: Progress | None = None
 ) -> Flattening:
     """Lay a sheet flat: reduce it if asked, turn it into sticks, let the method settle them, place every point.
 
@@ -45,31 +55,49 @@ def flatten(
         Its page is not turned yet: see `to_page_frame`.
     """
     s = settings or FlattenSettings()
-    points, _, _ = stand_on_table(mesh)
-    standing = Mesh(points, mesh.faces)
-    count = _points_to_solve(s, len(points))
-    coarse = subsample(standing, topo, count) if count < len(points) else None
-    solved = standing if coarse is None else coarse.mesh
-    solved_topo = topo if coarse is None else topology(solved.faces, len(solved.points))
-    sticks = make_sticks(solved, solved_topo, s.lengths)
-    settled = settle(solved, sticks, s.verlet, progress)
-    x = settled.points[:, :2]
-    flat = x if coarse is None else carry(coarse, points, x)
+    count = _points_to_solve(s, len(mesh.points))
+    coarse = subsample(mesh, topo, count) if count < len(mesh.points) else None
+    sheet = mesh if coarse is None else coarse.mesh
+    sheet_topo = topo if coarse is None else topology(sheet.faces, len(sheet.points))
+    sticks = make_sticks(sheet, sheet_topo, s.lengths)
+    solve = _by_verlet if s.method == "verlet" else _by_multigrid
+    solved = solve(sheet, sheet_topo, sticks, s, progress)
+    flat = solved.xy if coarse is None else carry(coarse, mesh.points, solved.xy)
     page_xy, size = place_on_page(flat * [1.0, -1.0])  # y runs down on the page
-    passed = int(settled.passed.sum())
     return Flattening(
         page_xy=page_xy,
         size_mm=size,
-        outcome=settled.outcome,
+        outcome=solved.outcome,
         method=s.method,
-        solved_points=len(x),
-        iterations=len(settled.residuals),
-        residuals=settled.residuals,
-        heights=settled.heights,
-        strain=strain(x, sticks.pairs[: sticks.edges], sticks.rest[: sticks.edges]),
-        passed_points=passed,
-        warnings=(_THROUGH.format(passed),) if passed else (),
+        solved_points=len(sheet.points),
+        iterations=len(solved.residuals),
+        residuals=solved.residuals,
+        heights=solved.heights,
+        strain=strain(solved.xy, sticks.pairs[: sticks.edges], sticks.rest[: sticks.edges]),
+        noise_mm=None if sticks.noise_mm is None else float(np.median(sticks.noise_mm)),
+        passed_points=solved.passed_points,
+        warnings=solved.warnings,
     )
+
+
+def _by_multigrid(
+    mesh: Mesh, topo: Topology, sticks: Sticks, settings: FlattenSettings, progress: Progress | None
+) -> Solved:
+    done = relax(mesh, topo, sticks, settings.multigrid, progress)
+    return Solved(done.xy, done.outcome, done.residuals, np.zeros(0), 0, done.warnings)
+
+
+def _by_verlet(
+    mesh: Mesh, topo: Topology, sticks: Sticks, settings: FlattenSettings, progress: Progress | None
+) -> Solved:
+    standing = Mesh(stand_on_table(mesh)[0], mesh.faces)
+    done = settle(standing, sticks, settings.verlet, progress)
+    passed = int(done.passed.sum())
+    through = (
+        f"{passed:,} points went through another layer of the sheet while it fell, so the page may be folded over "
+        "itself; --verlet.self-collision keeps layers apart"
+    )
+    return Solved(done.points[:, :2], done.outcome, done.residuals, done.heights, passed, (through,) if passed else ())
 
 
 def _points_to_solve(settings: FlattenSettings, available: int) -> int:

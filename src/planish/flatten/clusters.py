@@ -17,7 +17,7 @@ from planish.mesh import Topology
 from planish.mesh.adjacency import faces_around
 from planish.types import Floats, Ints
 
-RADIUS = 22
+RADIUS = 26
 """Faces from a cluster's first face to its rim, at most."""
 
 CLOSED = -1.0

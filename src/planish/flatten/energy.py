@@ -64,9 +64,12 @@ def energy(net: Net, xy: Floats, run: Crew) -> tuple[float, Floats]:
 
 
 def stiffness(net: Net, xy: Floats, run: Crew) -> Floats:
-    """(n, 3) xx, xy and yy of each point's own block of the Gauss-Newton Hessian: the sum of w u u^T over its sticks."""
-    total = np.empty((len(xy), 3))
-    parts = np.empty((net.row[-1], 3))
+    """(n, 4) for each point the sums over its sticks of w u u^T, as xx, xy and yy, and of w r^2 / 2.
+
+    The first is the point's own block of the Gauss-Newton Hessian, u being the stick's direction.
+    """
+    total = np.empty((len(xy), 4))
+    parts = np.empty((net.row[-1], 4))
     run(_slab_stiffness, SLABS, net, xy, parts, block=1)
     run(_sum_slabs, len(xy), net.reach, net.row, parts, total)
     return total
@@ -119,10 +122,12 @@ def _slab_stiffness(first, last, net, xy, parts):  # type: ignore[no-untyped-def
                 dx, dy = xy[j, 0] - xy[i, 0], xy[j, 1] - xy[i, 1]
                 square = dx * dx + dy * dy
                 scale = weight[s] / square if square > 0.0 else 0.0
+                half = 0.5 * weight[s] * rest[s] * rest[s]
                 for end in (i - low, j - low):
                     own[end, 0] += scale * dx * dx
                     own[end, 1] += scale * dx * dy
                     own[end, 2] += scale * dy * dy
+                    own[end, 3] += half
 
 
 @njit(cache=True, nogil=True)

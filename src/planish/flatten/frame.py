@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from planish.types import Floats
 
@@ -10,9 +11,7 @@ NEARLY_SQUARE = 1.02
 """Below this ratio of its sides a page has no long side that could stand upright."""
 
 
-def to_page_frame(
-    page_xy: Floats, up: Floats, *, long_side_upright: bool = True
-) -> tuple[Floats, tuple[float, float]]:
+def to_page_frame(page_xy: Floats, up: Floats, *, long_side_upright: bool = True) -> tuple[Floats, tuple[float, float]]:
     """Turn and shift a flat sheet into the frame of its page, without mirroring or scaling it.
 
     The sheet's sides are those of the least rectangle around it, its angle refined by all straight parts of the
@@ -81,7 +80,8 @@ def _rotation(angle: float) -> Floats:
     return np.array([[c, -s], [s, c]])
 
 
-def _hull(page_xy: Floats) -> Floats:
+def _hull(page_xy: Floats) -> NDArray[np.intp]:
+    """Rows of the points on the convex hull, in order."""
     from scipy.spatial import ConvexHull, QhullError
 
     try:

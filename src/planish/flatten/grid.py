@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from planish.flatten.crew import Crew
 from planish.flatten.energy import Net, stiffness
+from planish.flatten.patches import Patches, make_patches, solve_patches
 from planish.types import Floats, Ints
 
 Float32s = NDArray[np.float32]
@@ -32,95 +33,115 @@ SELF, SHEAR = np.float32(1 / 6), np.float32(1 / 16)
 ALONG, ASIDE, ACROSS = np.float32(-5 / 48), np.float32(1 / 48), np.float32(-1 / 12)
 
 CELL = 2.0
-"""Side of a cell in median edges. From 1.5 to 3 the number of steps does not change."""
+"""Side of the finest cells in median edges. From 1.5 to 3 the number of steps does not change."""
 
-POINT_SHARE = 0.6
-"""Part of the step that a point's own block asks for. From 0.4 to 0.8 the number of steps does not change."""
+OVERLAP = 0.5
+"""Part of what points, grids and patches each ask for, as all three answer to waves of middling length."""
 
 DAMPING = 0.05
 """Share of a point's mean stiffness added to its block, which has no grip across a straight row of sticks."""
 
-SWEEPS = 8
-"""Sweeps that stand for an exact solution on the coarsest grid, of two cells at most either way."""
+FEW = 1500
+"""Cells that hold some of the sheet on the level that is solved outright, at most: milliseconds to factor."""
+
+SAMPLE = 10_001
+"""Edges that the median is taken of."""
 
 
-class Grid(NamedTuple):
-    """What the preconditioner is made of.
+class Preconditioner(NamedTuple):
+    """What takes forces to steps.
 
     Attributes
     ----------
     node : (n,) int32
-        Lower left node of the cell that each point lies in, counted row by row.
+        Lower left node of the finest cell that each point lies in, counted row by row.
     share : (n, 2) float32
         Where in its cell a point lies, 0 to 1 along x and y.
     block : (n, 3) float32
         Inverse xx, xy, yy of each point's own stiffness.
     kappa : tuple of (rows + 2, cols + 2) float32
         Stiffness of the cells of each level, finest first, with a rim of zeros.
+    patches : Patches
+        The level that is solved outright.
     """
 
     node: Ints
     share: Float32s
     block: Float32s
     kappa: tuple[Float32s, ...]
+    patches: Patches
 
 
-def make_grid(net: Net, xy: Floats, edges: int, run: Crew) -> Grid:
-    """Build the preconditioner for sticks that lie as they do in `xy`."""
-    side = CELL * float(np.median(net.rest[:edges]))
+def median_edge(edge_rest: Floats) -> float:
+    """Median length [mm] of edges, of a sample where there are many."""
+    return float(np.median(edge_rest[:: len(edge_rest) // SAMPLE + 1]))
+
+
+def make_preconditioner(net: Net, edges: int, xy: Floats, run: Crew) -> Preconditioner:
+    """Build the preconditioner for sticks that lie as they do in `xy`, of which the first `edges` are edges."""
     low = xy.min(0)
-    width, height = xy.max(0) - low
-    side = max(side, np.sqrt(width * height / (len(xy) + 16)), (width + height) / (len(xy) + 16)) or 1.0
-    cols, rows = int(width / side) + 1, int(height / side) + 1
-    finest = np.zeros((rows + 2, cols + 2), np.float32)
+    side = _side(CELL * median_edge(net.rest[:edges]), *(xy.max(0) - low), len(xy))
+    cols, rows = ((xy.max(0) - low) / side).astype(int) + 1
     node, share = np.empty(len(xy), np.int32), np.empty((len(xy), 2), np.float32)
     run(_locate, len(xy), xy, low, side, cols, node, share)
-    _spread(net, xy, low, side, finest)
+    own = stiffness(net, xy, run)
     block = np.empty((len(xy), 3), np.float32)
-    run(_invert, len(xy), stiffness(net, xy, run), block)
-    return Grid(node, share, block, _coarsen(finest))
+    run(_invert, len(xy), own, block)
+    mass = own[:, 3] / OVERLAP
+    kappa = [_spread(node, mass / side**2, rows, cols)]
+    while True:
+        coarser = _coarsen(kappa[-1])
+        if np.count_nonzero(coarser) <= FEW:
+            break
+        kappa.append(coarser)
+    patches = make_patches(xy, net.pairs[:edges], mass, low, side * 2 ** len(kappa))
+    return Preconditioner(node, share, block, tuple(kappa), patches)
 
 
-def precondition(grid: Grid, force: Floats, run: Crew) -> Floats:
-    """(n, 2) step that a force on each point asks for; a symmetric and positive definite map."""
+def precondition(p: Preconditioner, force: Floats, run: Crew) -> Floats:
+    """(n, 2) step that a force on each point asks for; a symmetric and positive definite map.
+
+    The sum of three: what each point's own block asks for, what the fine grids do, what the patches do.
+    """
     step = np.empty_like(force)
-    load = _nodes(grid.kappa[0])
-    _restrict(grid.node, grid.share, force, load)
-    wave = _cycle(grid.kappa, load)
-    run(_prolong, len(force), grid.node, grid.share, grid.block, wave, force, step)
+    load = _nodes(p.kappa[0])
+    _restrict(p.node, p.share, force, load)
+    wave = _cycle(p.kappa, load)
+    broad = solve_patches(p.patches, force)
+    q = p.patches
+    run(_prolong, len(force), p.node, p.share, p.block, wave, q.patch, q.share, q.corner, broad, force, step)
     return step
 
 
-def _coarsen(finest: Float32s) -> tuple[Float32s, ...]:
-    levels = [finest]
-    while max(levels[-1].shape) > 4:
-        fine = levels[-1][1:-1, 1:-1]
-        rows, cols = (fine.shape[0] + 1) // 2, (fine.shape[1] + 1) // 2
-        whole = np.zeros((2 * rows, 2 * cols), np.float32)
-        whole[: fine.shape[0], : fine.shape[1]] = fine
-        levels.append(np.pad(0.25 * whole.reshape(rows, 2, cols, 2).sum((1, 3)), 1))
-    return tuple(levels)
+def _side(wanted: float, width: float, height: float, points: int) -> float:
+    """Side of the finest cells: as wanted, but not so small that empty cells outnumber the points by far."""
+    return float(max(wanted, np.sqrt(width * height / (4 * points)), (width + height) / (4 * points)) or 1.0)
 
 
-def _nodes(kappa: Float32s) -> Float32s:
-    """Zeros for x and y at every node between the cells, with a rim of nodes that stay so."""
-    return np.zeros((kappa.shape[0] + 1, kappa.shape[1] + 1, 2), np.float32)
+def _coarsen(fine: Float32s) -> Float32s:
+    """Stiffness of cells twice as wide."""
+    inner = fine[1:-1, 1:-1]
+    rows, cols = (inner.shape[0] + 1) // 2, (inner.shape[1] + 1) // 2
+    whole = np.zeros((2 * rows, 2 * cols), np.float32)
+    whole[: inner.shape[0], : inner.shape[1]] = inner
+    return np.pad(np.float32(0.25) * whole.reshape(rows, 2, cols, 2).sum((1, 3)), 1)
 
 
 def _cycle(kappa: tuple[Float32s, ...], load: Float32s) -> Float32s:
     """One V-cycle: a sweep on each level, down; a sweep in the opposite order on each level, up."""
     wave = np.zeros_like(load)
-    if len(kappa) == 1:
-        for _ in range(SWEEPS):
-            _sweep(kappa[0], load, wave, False)
-            _sweep(kappa[0], load, wave, True)
-        return wave
     _sweep(kappa[0], load, wave, False)
-    coarse = _nodes(kappa[1])
-    _restrict_rest(kappa[0], load, wave, coarse)
-    _add_wave(_cycle(kappa[1:], coarse), wave)
+    if len(kappa) > 1:
+        coarse = _nodes(kappa[1])
+        _restrict_rest(kappa[0], load, wave, coarse)
+        _add_wave(_cycle(kappa[1:], coarse), wave)
     _sweep(kappa[0], load, wave, True)
     return wave
+
+
+def _nodes(kappa: Float32s) -> Float32s:
+    """Zeros for x and y at every node between the cells, with a rim of nodes that stay so."""
+    return np.zeros((kappa.shape[0] + 1, kappa.shape[1] + 1, 2), np.float32)
 
 
 @njit(cache=True, nogil=True)
@@ -132,14 +153,12 @@ def _locate(first, last, xy, low, side, cols, node, share):  # type: ignore[no-u
 
 
 @njit(cache=True, nogil=True)
-def _spread(net, xy, low, side, kappa):  # type: ignore[no-untyped-def]
-    """Add w r^2 / side^2 of each stick to the cells that its ends lie in, half to each."""
-    pairs, rest, weight = net.pairs, net.rest, net.weight
-    for s in range(len(rest)):
-        half = 0.5 * weight[s] * (rest[s] / side) ** 2
-        for end in range(2):
-            i = pairs[s, end]
-            kappa[int((xy[i, 1] - low[1]) / side) + 1, int((xy[i, 0] - low[0]) / side) + 1] += half
+def _spread(node, mass, rows, cols):  # type: ignore[no-untyped-def]
+    """Stiffness of each cell: what belongs to the points in it."""
+    kappa = np.zeros((rows + 2, cols + 2), np.float32)
+    for i in range(len(node)):
+        kappa[node[i] // (cols + 1) + 1, node[i] % (cols + 1) + 1] += mass[i]
+    return kappa
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -150,7 +169,7 @@ def _invert(first, last, stiffness, block):  # type: ignore[no-untyped-def]
         a += extra
         c += extra
         determinant = a * c - b * b
-        scale = POINT_SHARE / determinant if determinant > 0.0 else 0.0
+        scale = OVERLAP / determinant if determinant > 0.0 else 0.0
         block[i, 0], block[i, 1], block[i, 2] = scale * c, -scale * b, scale * a
 
 
@@ -170,15 +189,20 @@ def _restrict(node, share, force, load):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _prolong(first, last, node, share, block, wave, force, step):  # type: ignore[no-untyped-def]
+def _prolong(first, last, node, share, block, wave, patch, patch_share, corner, broad, force, step):  # type: ignore[no-untyped-def]
     cols = wave.shape[1] - 2
     for i in range(first, last):
         r, c = node[i] // cols + 1, node[i] % cols + 1
         s, t = share[i, 0], share[i, 1]
+        ps, pt = patch_share[i, 0], patch_share[i, 1]
+        p = patch[i]
         for d in range(2):
             below = (ONE - s) * wave[r, c, d] + s * wave[r, c + 1, d]
             above = (ONE - s) * wave[r + 1, c, d] + s * wave[r + 1, c + 1, d]
-            step[i, d] = (ONE - t) * below + t * above
+            fine = (ONE - t) * below + t * above
+            low = (1.0 - ps) * broad[corner[p, 0], d] + ps * broad[corner[p, 1], d]
+            high = (1.0 - ps) * broad[corner[p, 2], d] + ps * broad[corner[p, 3], d]
+            step[i, d] = fine + (1.0 - pt) * low + pt * high
         step[i, 0] += block[i, 0] * force[i, 0] + block[i, 1] * force[i, 1]
         step[i, 1] += block[i, 1] * force[i, 0] + block[i, 2] * force[i, 1]
 

@@ -30,6 +30,11 @@ STILL = 1e-3
 """No further step when no cluster turned by more than this [rad]: the next step would turn by about its square."""
 
 
+HINGED = 1e-10
+"""Share of the diagonal added, as a cluster that hangs on by a single point can turn freely. The same share takes the
+roots out of the equations."""
+
+
 class Joints(NamedTuple):
     """Moments of the points that two clusters share, one row for each such pair.
 
@@ -190,7 +195,11 @@ def _gauss_newton_step(joints: Joints, rho: Complex, tau: Complex, roots: Ints) 
     blocks, gradient = _normal_equations(*joints, rho, tau)
     a, b = joints.pairs.T
     rows, columns = np.concatenate([np.arange(count), a, b]), np.concatenate([np.arange(count), b, a])
-    blocks[roots] += np.eye(3) * (1 + np.trace(blocks[roots], axis1=1, axis2=2))[:, None, None]
+    diagonal = blocks[:count, [0, 1, 2], [0, 1, 2]]
+    diagonal *= 1 + HINGED
+    diagonal[:, 0] += HINGED * (diagonal[:, 0].max() or 1.0)
+    diagonal[roots] *= 1 / HINGED
+    blocks[:count, [0, 1, 2], [0, 1, 2]] = diagonal
     matrix = _block_matrix(rows, columns, blocks, count)
     step = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
     solution = step.solve(-gradient.ravel()).reshape(-1, 3)

@@ -2,14 +2,16 @@
 
 from planish.io.cameras import read_camera
 from planish.io.files import check_writable, make_folder, write_json
-from planish.io.flats import write_flat, write_scan
+from planish.io.flats import check_flat_name, write_flat
 from planish.io.images import Photo, read_photo
 from planish.io.pages import check_page_name, write_page, write_pages
+from planish.io.scan_write import write_scan
 from planish.io.scans import ReadScan, read_scan
 
 __all__ = [
     "Photo",
     "ReadScan",
+    "check_flat_name",
     "check_page_name",
     "check_writable",
     "make_folder",

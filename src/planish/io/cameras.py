@@ -80,14 +80,14 @@ def read_camera(path: str | Path, photo_name: str | None = None, *, mm_per_unit:
     return _own_form(path, told, mm_per_unit)
 
 
-def camera_as_json(camera: Camera) -> dict[str, Any]:
-    """The camera in planish's own form, lengths in mm."""
+def camera_as_json(camera: Camera, *, mm_per_unit: float = 1.0) -> dict[str, Any]:
+    """The camera in planish's own form, lengths in a unit of so many mm."""
     rows, cols = camera.shape_rc
     return {
         "image_size": [cols, rows],
         "matrix": camera.matrix.tolist(),
         "rotation": camera.rotation.tolist(),
-        "translation": np.ravel(camera.translation).tolist(),
+        "translation": (np.ravel(camera.translation) / mm_per_unit).tolist(),
         "distortion": camera.distortion.tolist(),
     }
 
@@ -126,8 +126,12 @@ def _size(path: Path, told: dict[str, Any]) -> tuple[int, int]:
 
 
 def _rows_and_columns(path: Path, width: float, height: float) -> tuple[int, int]:
-    if not (width == int(width) and height == int(height) and 0 < min(width, height) <= max(width, height) < _LARGEST_SIDE):
-        raise InputError(f"{path} says that the photo is {width:g} x {height:g} pixels; whole numbers above 0 are wanted")
+    if not (
+        width == int(width) and height == int(height) and 0 < min(width, height) <= max(width, height) < _LARGEST_SIDE
+    ):
+        raise InputError(
+            f"{path} says that the photo is {width:g} x {height:g} pixels; whole numbers above 0 are wanted"
+        )
     return int(height), int(width)
 
 
@@ -143,7 +147,9 @@ def _own_form(path: Path, told: dict[str, Any], mm_per_unit: float) -> Camera:
         fx, fy, cx, cy = (float(_numbers(path, key, told[key], ())) for key in ("fx", "fy", "cx", "cy"))
         matrix = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
     if not (matrix[0, 0] > 0 and matrix[1, 1] > 0):
-        raise InputError(f"{path}: the focal lengths are {matrix[0, 0]:g} and {matrix[1, 1]:g} pixels; above 0 is wanted")
+        raise InputError(
+            f"{path}: the focal lengths are {matrix[0, 0]:g} and {matrix[1, 1]:g} pixels; above 0 is wanted"
+        )
     distortion = _numbers(path, "distortion", told.get("distortion", []), *((n,) for n in _DISTORTION_LENGTHS))
     translation = _numbers(path, "translation", told.get("translation", [0, 0, 0]), (3,)) * mm_per_unit
     return Camera(matrix, _rotation(path, told), translation, _size(path, told), distortion)
@@ -176,7 +182,7 @@ def _projection(path: Path, matrices: object, photo_name: str | None) -> Floats:
 
 
 def _from_projection(path: Path, projection: Floats, shape_rc: tuple[int, int], mm_per_unit: float) -> Camera:
-    """Take P = s K [R | t] apart: K upper triangular with positive diagonal, R a rotation (Hartley and Zisserman, 6.2.4)."""
+    """Take P = s K [R | t] apart: K upper triangular, its diagonal positive (Hartley and Zisserman 2004, 6.2.4)."""
     determinant = np.linalg.det(projection[:, :3])
     scale = np.linalg.norm(projection[:, :3])
     if not abs(determinant) > 1e-12 * scale**3:

@@ -10,7 +10,7 @@ import numpy as np
 from planish.errors import InputError
 from planish.io.polygons import Polygons
 from planish.io.units import Unit
-from planish.types import Bools, Floats, _freeze
+from planish.types import Floats, _freeze
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,8 +26,6 @@ class FileMesh:
         The image that the texture coordinates belong to: a file, or the bytes of one inside the mesh file.
     unit : {"mm", "cm", "m", "in"} or None
         What the file says itself.
-    grid : (rows, cols) bool or None
-        For a mesh that is a grid of points: which cells hold a point; the points are those, row by row.
     warnings : list of str
     """
 
@@ -35,7 +33,6 @@ class FileMesh:
     polygons: Polygons
     texture: Path | bytes | None = None
     unit: Unit | None = None
-    grid: Bools | None = None
     warnings: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:

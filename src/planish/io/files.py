@@ -67,12 +67,17 @@ def check_writable(path: str | Path, *, overwrite: bool = True) -> None:
         raise OutputError(f"{path} cannot be written: there is no folder {folder}; make it first")
     if not folder.is_dir():
         raise OutputError(f"{path} cannot be written: {folder} is a file, not a folder")
-    if path.is_dir():
+    if path.is_dir() and not is_tifxyz(path):
         raise OutputError(f"{path} is a folder; the name of a file to write is wanted")
     if path.exists() and not overwrite:
         raise OutputError(f"{path} exists already; give another name, or allow overwriting with --overwrite")
     if not os.access(path if _is_stream(path) else folder, os.W_OK):
         raise OutputError(f"{path} cannot be written: {_REASONS[errno.EACCES]}")
+
+
+def is_tifxyz(path: Path) -> bool:
+    """Whether this is a folder with the files of a tifxyz: the one mesh format that is a folder."""
+    return all((path / name).is_file() for name in ("meta.json", "x.tif", "y.tif", "z.tif"))
 
 
 def make_folder(path: str | Path) -> None:
@@ -118,6 +123,36 @@ def writing(path: str | Path) -> Iterator[Path]:
             beside.replace(target)
     finally:
         beside.unlink(missing_ok=True)
+
+
+@contextmanager
+def writing_folder(path: str | Path) -> Iterator[Path]:
+    """Give a folder beside `path` to write a tifxyz to; when the block ends well, it takes the place of `path`.
+
+    Raises
+    ------
+    OutputError
+        If something else than a tifxyz stands there, and for every error of the system.
+    """
+    path = Path(path)
+    check_writable(path)
+    target = path.resolve()
+    if target.is_file():
+        raise OutputError(f"{path} is a file, not a folder; give another name")
+    beside = target.with_name(f".{target.name[:100]}.{secrets.token_hex(4)}.part")
+    before = beside.with_suffix(".before")
+    try:
+        with _telling(path):
+            beside.mkdir()
+            yield beside
+            if target.exists():
+                target.rename(before)
+            beside.rename(target)
+    finally:
+        if before.exists() and not target.exists():
+            before.rename(target)
+        shutil.rmtree(beside, ignore_errors=True)
+        shutil.rmtree(before, ignore_errors=True)
 
 
 def write_bytes(path: str | Path, data: bytes | Iterable[bytes]) -> None:

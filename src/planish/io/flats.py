@@ -1,21 +1,43 @@
-"""What leaves as a mesh: the flattened sheet, and scans that `read_scan` takes back."""
+"""The flattened sheet to its file: OBJ, PLY, GLB or a tifxyz folder."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+import cv2
 import numpy as np
+from numpy.typing import NDArray
 
-from planish.errors import OutputError
+from planish.errors import OutputError, UsageError
 from planish.io.files import write_bytes
+from planish.io.gltf_write import glb_bytes, one_uv_per_point
 from planish.io.obj import obj_parts
-from planish.io.pages import write_page
-from planish.io.polygons import Polygons, of_triangles
+from planish.io.ply_write import ply_parts
+from planish.io.polygons import Polygons, triangulate, uv_of_points
 from planish.io.scans import ReadScan
+from planish.io.tifxyz import write_tifxyz
 from planish.io.units import MM_PER_UNIT
-from planish.types import Floats, Page, Scan
+from planish.mesh import rasterise
+from planish.types import Floats, Ints
+
+SUFFIXES = (".obj", ".ply", ".glb", ".tifxyz", "")
+"""The last two for a tifxyz folder."""
+
+_MOST_GRID_POINTS = 20_000
+"""Along the longer side of a tifxyz."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Flat:
+    """What is written: points in `unit`, and the faces of the file."""
+
+    points: Floats
+    polygons: Polygons
+    comment: str
+    mm_per_unit: float
 
 
 def write_flat(
@@ -31,68 +53,162 @@ def write_flat(
     Parameters
     ----------
     path : str or Path
-        .obj
+        .obj, .ply or .glb, or for a tifxyz folder .tifxyz or no suffix. GLB is in metres, cuts larger faces into
+        triangles, and repeats points that have several texture coordinates, after the others.
     found : ReadScan
     page_xy : (n, 2) float64 [mm]
         x right, y down: where each point of the scan lies on the page.
     as_ : {"points", "uv"}
-        points: the points move to the plane z = 0, in mm, y up, so that seen from +z the page is not mirrored;
-        texture coordinates stay. uv: the points stay in space, in the file's own numbers, and their place on the
-        page [mm], y up, becomes their texture coordinate.
+        points: the points move to the plane z = 0, in mm, y up, so that the page is not mirrored seen from +z; the
+        texture coordinates stay. uv: the points stay in space, in the file's own numbers, and their place on the page
+        [mm], y up, becomes their texture coordinate. A tifxyz is the second kind: the page as a regular grid of
+        points in space.
+    scalars : mapping of str to (n,) or (m,) float64, optional
+        Further numbers of each point or triangle, such as strain. Only PLY holds them; the first colours the mesh.
 
     Raises
     ------
     OutputError
+        If the suffix is another, the format cannot hold what is asked for, or the file cannot be written.
+    UsageError
+        If scalars are neither one a point nor one a triangle.
     """
     path = Path(path)
-    if path.suffix.lower() != ".obj":
-        raise OutputError(f"{path}: a flattened mesh is written as .obj; {path.suffix} is none of them")
-    up = np.stack([page_xy[:, 0], page_xy[:, 1].max(initial=0.0) - page_xy[:, 1]], axis=1)
-    polygons = found.polygons
-    if as_ == "uv":
-        points = found.scan.mesh.points / MM_PER_UNIT[found.unit]
-        polygons = Polygons(polygons.sizes, polygons.corners, up, polygons.corners)
-        comment = f"points as in the scan [{found.unit}]; texture coordinates: place on the page [mm]"
+    check_flat_name(path, as_)
+    if scalars and path.suffix.lower() != ".ply":
+        raise OutputError(f"{path} cannot hold {next(iter(scalars))}; only .ply holds numbers of each point and face")
+    if path.suffix.lower() in ("", ".tifxyz"):
+        _write_grid(path, found, page_xy)
+        return
+    flat = _flat(found, page_xy, as_)
+    if path.suffix.lower() == ".obj":
+        digits = 6 + round(np.log10(flat.mm_per_unit))
+        write_bytes(path, obj_parts(flat.points, flat.polygons, comment=flat.comment, digits=digits))
+    elif path.suffix.lower() == ".ply":
+        _write_ply(path, found, flat, scalars or {})
     else:
-        points = np.c_[up, np.zeros(len(up))]
-        comment = "units: mm; the flattened sheet, in the order of the scan's points"
-    write_bytes(path, obj_parts(points, polygons, comment=comment))
+        _write_glb(path, found, flat)
 
 
-def write_scan(path: str | Path, scan: Scan) -> None:
-    """Write a scan so that `read_scan` takes it back: mesh [mm], photo, texture coordinates.
-
-    Parameters
-    ----------
-    path : str or Path
-        .obj; the photo goes beside it, as JPEG (quality 95; PNG for 16 bit), and an MTL that names it.
-    scan : Scan
+def check_flat_name(path: str | Path, as_: str = "points") -> None:
+    """Refuse a name whose suffix is no kind of flat mesh, before long work.
 
     Raises
     ------
     OutputError
     """
-    path = Path(path)
-    polygons = _with_uv(scan)
-    material = None
-    if scan.photo is not None:
-        name = path.with_suffix(".jpg" if scan.photo.dtype == np.uint8 else ".png").name
-        write_page(path.with_name(name), Page(scan.photo, np.ones(scan.photo.shape[:2], bool), 72.0, scan.icc))
-        mtl = path.with_suffix(".mtl")
-        write_bytes(mtl, f"newmtl page\nKd 1 1 1\nmap_Kd {name}\n".encode())
-        material = (mtl.name, "page")
-    write_bytes(path, obj_parts(scan.mesh.points, polygons, material=material, comment="units: mm"))
+    suffix = Path(path).suffix.lower()
+    if suffix not in SUFFIXES:
+        raise OutputError(
+            f"{path}: a flat mesh is written as .obj, .ply, .glb or a tifxyz folder; {suffix} is none of them"
+        )
+    if suffix in ("", ".tifxyz") and as_ != "uv":
+        raise OutputError(
+            f"{path}: a tifxyz folder holds where the page lies in space, which is --as uv; write .obj for flat points"
+        )
 
 
-def _with_uv(scan: Scan) -> Polygons:
-    """The scan's faces with photo places as texture coordinates."""
-    if scan.photo is None or scan.photo_xy is None:
-        return of_triangles(scan.mesh.faces)
-    rows, cols = scan.photo.shape[:2]
-    places = scan.photo_xy.reshape(-1, 2)
-    uv = np.stack([(places[:, 0] + 0.5) / cols, 1 - (places[:, 1] + 0.5) / rows], axis=1)
-    seen = np.isfinite(uv).all(1)
-    row = np.where(seen, np.cumsum(seen) - 1, -1)
-    if scan.photo_xy.ndim == 2:
-        row = row[scan.mesh.faces]
-    return of_triangles(scan.mesh.faces, uv[seen], row)
+def _flat(found: ReadScan, page_xy: Floats, as_: str) -> _Flat:
+    height = np.nanmax(page_xy[:, 1], initial=0.0)
+    up = np.stack([page_xy[:, 0], height - page_xy[:, 1]], axis=1)
+    if as_ == "points":
+        comment = "units: mm\nthe flattened sheet: the scan's points in their order, moved to the plane z = 0"
+        return _Flat(np.c_[up, np.zeros(len(up))], found.polygons, comment, 1.0)
+    polygons = Polygons(found.polygons.sizes, found.polygons.corners, up, found.polygons.corners)
+    comment = (
+        f"units: {found.unit}\nthe scan's points; texture coordinates are their places on the flat page in mm, y up"
+    )
+    return _Flat(_file_points(found), polygons, comment, MM_PER_UNIT[found.unit])
+
+
+def _file_points(found: ReadScan) -> Floats:
+    return found.scan.mesh.points / MM_PER_UNIT[found.unit]
+
+
+# PLY
+
+
+def _write_ply(path: Path, found: ReadScan, flat: _Flat, scalars: Mapping[str, Floats]) -> None:
+    count, triangles = len(flat.points), len(found.scan.mesh.faces)
+    point_columns: dict[str, NDArray] = {}
+    face_columns: dict[str, NDArray] = {}
+    comments = flat.comment.splitlines()
+    for number, (name, values) in enumerate(scalars.items()):
+        if len(values) not in (count, triangles):
+            raise UsageError(
+                f"{name} has {len(values)} values; {count} (a point) or {triangles} (a triangle) are wanted"
+            )
+        columns = point_columns if len(values) == count else face_columns
+        columns[name] = values if len(values) == count else _mean_of_triangles(found.polygons, values)
+        if number == 0:
+            colours, highest = _coloured(columns[name])
+            columns |= colours
+            comments.append(f"colours: {name} from 0 (dark) to {highest:.4g} (bright)")
+    uv = _uv_of_each_point(flat.polygons, count)
+    parts = ply_parts(
+        flat.points,
+        flat.polygons,
+        point_uv=uv,
+        point_columns=point_columns,
+        face_columns=face_columns,
+        comments=comments,
+    )
+    write_bytes(path, parts)
+
+
+def _uv_of_each_point(polygons: Polygons, count: int) -> Floats | None:
+    """Texture coordinates (n, 2), NaN for none; None where there are none at all, or a point has several."""
+    rows = uv_of_points(polygons, count)
+    if polygons.uv is None or rows is None:
+        return None
+    return np.asarray(np.vstack([polygons.uv, [np.nan, np.nan]])[rows])
+
+
+def _mean_of_triangles(polygons: Polygons, values: Floats) -> Floats:
+    """A number of each polygon from those of the triangles it was cut into."""
+    return np.asarray(np.bincount(polygons.triangle_owner, values) / (polygons.sizes - 2))
+
+
+def _coloured(values: Floats) -> tuple[dict[str, NDArray], float]:
+    """Colours from dark blue (0) to yellow (the 99 % quantile of the size of the values), and that quantile."""
+    size = np.nan_to_num(np.abs(values), nan=0.0, posinf=0.0)
+    highest = float(np.quantile(size, 0.99)) if len(size) else 0.0
+    grey = np.clip(size * (255 / highest if highest > 0 else 0.0), 0, 255).round().astype(np.uint8)
+    bgr = cv2.applyColorMap(grey[:, None], cv2.COLORMAP_VIRIDIS).reshape(-1, 3)
+    return {"red": bgr[:, 2], "green": bgr[:, 1], "blue": bgr[:, 0]}, highest
+
+
+# GLB
+
+
+def _write_glb(path: Path, found: ReadScan, flat: _Flat) -> None:
+    rows = triangulate(found.scan.mesh.points, flat.polygons)
+    faces = flat.polygons.corners[rows]
+    points, uv = flat.points * flat.mm_per_unit, None
+    if flat.polygons.uv is not None and flat.polygons.uv_corners is not None:
+        faces, source, uv = one_uv_per_point(len(points), faces, flat.polygons.uv, flat.polygons.uv_corners[rows])
+        points = points[source]
+    write_bytes(path, glb_bytes(points, faces, uv))
+
+
+# tifxyz
+
+
+def _write_grid(path: Path, found: ReadScan, page_xy: Floats) -> None:
+    """The page as a regular grid of points in space, about as many as the scan has."""
+    faces = found.scan.mesh.faces
+    size = np.nanmax(page_xy, axis=0)
+    step = max(_median_step(page_xy, faces), size.max() / _MOST_GRID_POINTS)
+    cols, rows = (int(n) for n in np.floor(size / step) + 1)
+    face, weights = rasterise(page_xy / step, faces, (rows, cols))
+    a, b, c = (_file_points(found)[faces[np.maximum(face, 0), k]] for k in range(3))
+    xyz = a + weights[..., :1] * (b - a) + weights[..., 1:] * (c - a)
+    xyz[face < 0] = np.nan
+    write_tifxyz(path, xyz, per_unit=MM_PER_UNIT[found.unit] / step)
+
+
+def _median_step(page_xy: Floats, faces: Ints) -> float:
+    """Side [mm] of the square that each point has to itself: two triangles large."""
+    a, b, c = (page_xy[faces[:, k]] for k in range(3))
+    twice = np.abs((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
+    return float(np.sqrt(np.median(twice[np.isfinite(twice)])))

@@ -7,7 +7,7 @@ import warnings as python_warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,8 @@ FORMATS = {
 }
 """What Pillow calls them, and what people do."""
 
+_WANTED = "one of " + ", ".join(FORMATS.values())
+
 MOST_MEGAPIXELS = 400.0
 """A larger photo is refused before it fills the memory: 400 megapixels of 16 bit colour are 2.4 GB."""
 
@@ -36,6 +38,7 @@ FEWEST_PIXELS = 8
 
 _ORIENTATION = 0x0112
 _PLANAR_CONFIGURATION, _PHOTOMETRIC, _BITS_PER_SAMPLE = 284, 262, 258
+_IN_PLANES = 2
 
 
 class Photo(NamedTuple):
@@ -84,36 +87,45 @@ def read_photo(path: str | Path, *, upright: bool = False) -> Photo:
 
 def decode_photo(name: str, data: bytes, *, upright: bool = False) -> Photo:
     """Read a photo from the bytes of its file; `name` is for messages. As `read_photo`."""
+    warnings: list[str] = []
     with _decoding(name):
         image = Image.open(io.BytesIO(data), formats=list(FORMATS))
         _check_size(name, image)
         orientation = image.getexif().get(_ORIENTATION, 1)
-        orientation = orientation if orientation in range(2, 9) else 1
+        if orientation not in range(2, 9):
+            orientation = 1
         image.load()  # finds every damage that Pillow can find
-        warnings = _pages_left_out(name, image)
-        pixels = _sixteen_bit(data, image)
-        icc = image.info.get("icc_profile") or None
-        if pixels is None:
-            eight_bit, icc = _to_rgb(name, image, icc, warnings)
-            pixels = np.asarray(eight_bit)
-            if image.format == "TIFF":  # Pillow has turned it already
-                pixels = _turned(pixels, {6: 8, 8: 6}.get(orientation, orientation))
-        elif image.mode.startswith("I;16") and image.format == "TIFF":
-            pixels = _turned(pixels, {6: 8, 8: 6}.get(orientation, orientation))
+        pixels, icc = _stored_pixels(name, data, image, orientation, warnings)
         pixels, icc = _three_channels(name, pixels, icc, warnings)
-    if orientation != 1:
-        if upright:
-            pixels = _turned(pixels, orientation)
-        else:
-            warnings.append(
-                f"{name} asks to be shown turned (EXIF orientation {orientation}); its pixels were taken as stored, as"
-                " texture coordinates and cameras count them"
-            )
+    if upright:
+        pixels = _turned(pixels, orientation)
+    elif orientation != 1:
+        warnings.append(
+            f"{name} asks to be shown turned (EXIF orientation {orientation}); its pixels were taken as stored, as"
+            " texture coordinates and cameras count them"
+        )
+    if getattr(image, "n_frames", 1) > 1 and image.format == "TIFF":
+        warnings.append(f"{name} holds {image.n_frames} pages; the first was read")  # type: ignore[attr-defined]
     return Photo(np.ascontiguousarray(pixels), icc, warnings)
 
 
+def decode_grid(name: str, data: bytes) -> NDArray:
+    """Read the numbers of a TIFF as they are: (rows, cols) or (rows, cols, channels), any type.
+
+    Raises
+    ------
+    InputError
+        If it is no TIFF, damaged, cut short, or above 400 megapixels.
+    """
+    with _decoding(name, "a TIFF"):
+        image = Image.open(io.BytesIO(data), formats=["TIFF"])
+        _check_size(name, image, fewest=1)
+        image.load()
+        return np.array(image)
+
+
 @contextmanager
-def _decoding(name: str) -> Iterator[None]:
+def _decoding(name: str, wanted: str = _WANTED) -> Iterator[None]:
     """Let Pillow open large images, silence its warnings, and make one sentence of whatever a bad file raises."""
     limit, Image.MAX_IMAGE_PIXELS = Image.MAX_IMAGE_PIXELS, None
     try:
@@ -123,8 +135,7 @@ def _decoding(name: str) -> Iterator[None]:
     except InputError:
         raise
     except Image.UnidentifiedImageError:
-        kinds = ", ".join(FORMATS.values())
-        raise InputError(f"{name} is no image that planish can read; one of {kinds} is wanted") from None
+        raise InputError(f"{name} is no image that can be read; {wanted} is wanted") from None
     except MemoryError:
         raise InputError(f"{name} does not fit into the memory; give a smaller photo") from None
     except Exception as problem:  # decoders raise nearly every class there is on damaged files
@@ -134,57 +145,77 @@ def _decoding(name: str) -> Iterator[None]:
         Image.MAX_IMAGE_PIXELS = limit
 
 
-def _check_size(name: str, image: Image.Image) -> None:
+def _check_size(name: str, image: Image.Image, fewest: int = FEWEST_PIXELS) -> None:
     width, height = image.size
     if width * height > MOST_MEGAPIXELS * 1e6:
         raise InputError(
             f"{name} has {width} x {height} = {width * height / 1e6:.0f} megapixels; at most {MOST_MEGAPIXELS:.0f} are"
             " read. Give a smaller photo"
         )
-    if min(width, height) < FEWEST_PIXELS:
+    if min(width, height) < fewest:
         raise InputError(f"{name} is {width} x {height} pixels; a photo of the sheet is wanted")
 
 
-def _pages_left_out(name: str, image: Image.Image) -> list[str]:
-    pages = getattr(image, "n_frames", 1) if image.format == "TIFF" else 1
-    return [f"{name} holds {pages} pages; the first was read"] if pages > 1 else []
-
-
-def _sixteen_bit(data: bytes, image: Image.Image) -> NDArray[np.uint16] | None:
-    """The pixels (rows, cols[, channels], RGB order) of an image with 16 bits; None if Pillow's 8 bits are all it has.
-
-    Pillow decodes 16 bit grey, but of 16 bit colour only the upper half.
-    """
+def _stored_pixels(
+    name: str, data: bytes, image: Image.Image, orientation: int, warnings: list[str]
+) -> tuple[NDArray, bytes | None]:
+    """The pixels (rows, cols[, channels]) as the file has them, not turned, and their colour profile."""
+    icc = image.info.get("icc_profile") or None
+    turned_by_decoder = image.format == "TIFF"  # Pillow and OpenCV turn these themselves
     if image.mode.startswith("I;16"):
-        grey = np.asarray(image).astype(np.uint16)
-        white_is_zero = image.format == "TIFF" and image.tag_v2.get(_PHOTOMETRIC) == 0  # type: ignore[attr-defined]
-        return np.uint16(65535) - grey if white_is_zero else grey
+        pixels = _sixteen_bit_grey(image)
+    elif _has_sixteen_bits(data, image):
+        pixels = _by_tifffile(data, image) if image.format == "TIFF" else None
+        turned_by_decoder &= pixels is None
+        if pixels is None:
+            pixels = _by_opencv(data)
+    else:
+        eight_bit, icc = _to_rgb(name, image, icc, warnings)
+        pixels = np.asarray(eight_bit)
+    if turned_by_decoder:
+        pixels = _turned(pixels, {6: 8, 8: 6}.get(orientation, orientation))
+    return pixels, icc
+
+
+def _sixteen_bit_grey(image: Image.Image) -> NDArray[np.uint16]:
+    grey = np.asarray(image).astype(np.uint16)
+    white_is_zero = image.format == "TIFF" and _tag(image, _PHOTOMETRIC) == 0
+    return np.uint16(65535) - grey if white_is_zero else grey
+
+
+def _has_sixteen_bits(data: bytes, image: Image.Image) -> bool:
+    """Whether the file's colours have 16 bits; Pillow decodes only the upper half."""
     if image.mode not in ("RGB", "RGBA", "LA"):
-        return None
-    if image.format == "PNG" and data[24] == 16:  # bit depth in the header
-        return _by_opencv(data)
-    if image.format == "TIFF" and set(image.tag_v2.get(_BITS_PER_SAMPLE, ())) == {16}:  # type: ignore[attr-defined]
-        if image.tag_v2.get(_PLANAR_CONFIGURATION) == 2:  # type: ignore[attr-defined]
-            return _by_tifffile(data)
-        return _by_opencv(data)
-    return None
+        return False
+    if image.format == "TIFF":
+        return set(_tag(image, _BITS_PER_SAMPLE) or ()) == {16}
+    return image.format == "PNG" and data[24] == 16  # bit depth in the header
 
 
-def _by_opencv(data: bytes) -> NDArray[np.uint16] | None:
+def _tag(image: Image.Image, number: int) -> Any:
+    return image.tag_v2.get(number)  # type: ignore[attr-defined]
+
+
+def _by_opencv(data: bytes) -> NDArray[np.uint16]:
+    """16 bit pixels, red first."""
     import cv2
 
-    pixels = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED | cv2.IMREAD_IGNORE_ORIENTATION)
+    pixels = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     if pixels is None or pixels.dtype != np.uint16:
-        return None
+        raise ValueError("its 16 bit pixels cannot be decoded")
     if pixels.ndim == 3 and pixels.shape[2] >= 3:
         pixels = pixels[..., [2, 1, 0, 3][: pixels.shape[2]]]
     return np.asarray(pixels)
 
 
-def _by_tifffile(data: bytes) -> NDArray[np.uint16]:
+def _by_tifffile(data: bytes, image: Image.Image) -> NDArray[np.uint16] | None:
+    """16 bit pixels; None for a compression that tifffile does not know alone."""
     import tifffile
 
-    return np.moveaxis(tifffile.imread(io.BytesIO(data), key=0), 0, -1)
+    if image.info.get("compression") not in ("raw", "tiff_adobe_deflate", "tiff_deflate", "packbits"):
+        return None
+    pixels = tifffile.imread(io.BytesIO(data), key=0)
+    return np.moveaxis(pixels, 0, -1) if _tag(image, _PLANAR_CONFIGURATION) == _IN_PLANES else pixels
 
 
 def _to_rgb(name: str, image: Image.Image, icc: bytes | None, warnings: list[str]) -> tuple[Image.Image, bytes | None]:
@@ -206,7 +237,7 @@ def _to_rgb(name: str, image: Image.Image, icc: bytes | None, warnings: list[str
 
 def _to_srgb(image: Image.Image, icc: bytes | None) -> Image.Image:
     if image.mode == "LAB":
-        source = ImageCms.createProfile("LAB")
+        source = ImageCms.ImageCmsProfile(ImageCms.createProfile("LAB"))
     elif icc and image.mode == "CMYK":
         source = ImageCms.ImageCmsProfile(io.BytesIO(icc))
     else:
@@ -219,7 +250,7 @@ def _to_srgb(image: Image.Image, icc: bytes | None) -> Image.Image:
     return converted
 
 
-def _three_channels(name: str, pixels: Pixels, icc: bytes | None, warnings: list[str]) -> tuple[Pixels, bytes | None]:
+def _three_channels(name: str, pixels: NDArray, icc: bytes | None, warnings: list[str]) -> tuple[NDArray, bytes | None]:
     """Grey repeated, transparency dropped."""
     if pixels.ndim == 2:
         pixels = pixels[..., None]
@@ -228,10 +259,12 @@ def _three_channels(name: str, pixels: Pixels, icc: bytes | None, warnings: list
         clear = int((pixels[..., colours] < np.iinfo(pixels.dtype).max).sum())
         if clear:
             warnings.append(f"{name} has {clear} transparent pixels; their colours were taken as they are")
+    if icc and icc[16:20] != b"RGB ":  # the colour space that the profile is for
+        kind = icc[16:20].decode("ascii", "replace").strip()
+        warnings.append(f"{name} has a colour profile for {kind}, which is left out; its colours were taken as sRGB")
+        icc = None
     if colours == 3:
         return pixels[..., :3], icc
-    if icc:
-        warnings.append(f"{name} has a colour profile for grey, which is left out; its greys were taken as sRGB")
     return np.repeat(pixels[..., :1], 3, axis=2), None
 
 

@@ -9,7 +9,21 @@ from planish.errors import InputError
 from planish.io.filemesh import FileMesh
 from planish.io.files import read_bytes
 
-_OTHER_SUFFIXES = {".stl", ".off", ".3mf", ".fbx", ".dae", ".usdz", ".usd", ".e57", ".las", ".laz", ".xyz", ".pcd", ".asc"}
+_OTHER_SUFFIXES = {
+    ".stl",
+    ".off",
+    ".3mf",
+    ".fbx",
+    ".dae",
+    ".usdz",
+    ".usd",
+    ".e57",
+    ".las",
+    ".laz",
+    ".xyz",
+    ".pcd",
+    ".asc",
+}
 
 
 def read_mesh(path: Path) -> FileMesh:

@@ -24,7 +24,7 @@ from planish.types import Floats, Ints
 
 _NUMBER = rb"[ \t]++[-+]?+(?:[0-9]++\.?+[0-9]*+|\.[0-9]++)(?:[eE][-+]?+[0-9]++)?+"
 _INDEX = rb"-?+[0-9]{1,9}+"
-_CORNER = rb"[ \t]++" + _INDEX + rb"(?:/(?:" + _INDEX + rb")?+(?:/(?:" + _INDEX + rb")?+)?+)?+"
+_CORNER = rb"[ \t]++" + _INDEX + rb"(?:/" + _INDEX + rb"|//" + _INDEX + rb")?+(?:/" + _INDEX + rb")?+"
 _LINES = re.compile(
     rb"(?:(?:"
     rb"v(?:" + _NUMBER + rb"){3,7}+"
@@ -32,13 +32,14 @@ _LINES = re.compile(
     rb"|vn(?:" + _NUMBER + rb"){3}+"
     rb"|f(?:" + _CORNER + rb"){3,}+"
     rb"|\#[^\n]*+"
-    rb"|(?:g|o|s|l|p|usemtl|mtllib|vp|deg|cstype|surf|curv|curv2|end|parm|trim|hole|bevel|lod|mg)(?:[ \t][^\n]*+)?+"
+    rb"|(?:[gospl]|vp|mg|deg|end|lod|[a-z_0-9]{4,})(?:[ \t][^\n]*+)?+"
     rb"|)[ \t\r]*+\n)*+"
 )
 _DATA_LINE = re.compile(rb"^[ \t]*((?:v|vt|vn|f)[ \t][^#\n]*)(?:#[^\n]*)?", re.MULTILINE)
 _NOT_FINITE = re.compile(
     rb"(?<=[ \t])[-+]?(?:1\.\#)?(?:nan|inf(?:inity)?|ind|qnan|snan)(?:\([^)]*\)|[0-9]*)(?=[ \t\r\n])", re.I
 )
+_EMPTY_INDEX = re.compile(rb"/+(?=[ \t\n]|\Z)")
 _BEYOND = b"9e999"  # reads as infinite
 
 _LOST_POINTS = 0.1
@@ -91,12 +92,13 @@ def _checked(path: Path, data: bytes, whole: bool) -> bytes:
 
 
 def _tidied(data: bytes) -> bytes:
-    """The rarer ways to write the same: line ends of old Macs, continued lines, comments after data, NaN."""
+    """The rarer ways to write the same: line ends of old Macs, continued lines, comments after data, 1/ for 1, NaN."""
     data = data.removeprefix(b"\xef\xbb\xbf").replace(b"\r\n", b"\n").replace(b"\r", b"\n").replace(b"\\\n", b" ")
-    data = _DATA_LINE.sub(rb"\1", data)
     if re.search(rb"nan|inf|ind", data, re.IGNORECASE):
-        data = re.sub(rb"(?m)^v[^\n]*\n", lambda line: _NOT_FINITE.sub(_BEYOND, line[0]), data)
-    return data
+        data = re.sub(rb"(?m)^[ \t]*v[^\n]*\n", lambda line: _NOT_FINITE.sub(_BEYOND, line[0]), data)
+    data = _DATA_LINE.sub(rb"\1", data)
+    data = re.sub(rb"(?m)^[ \t]*f[^\n]*/[ \t\n][^\n]*", lambda line: _EMPTY_INDEX.sub(b"", line[0]), data)
+    return data if data.endswith(b"\n") else data + b"\n"
 
 
 def _dense(array: NDArray) -> NDArray:
@@ -183,9 +185,14 @@ _LINES_AT_ONCE = 100_000
 
 
 def obj_parts(
-    points: Floats, polygons: Polygons, *, material: tuple[str, str] | None = None, comment: str = ""
+    points: Floats,
+    polygons: Polygons,
+    *,
+    material: tuple[str, str] | None = None,
+    comment: str = "",
+    digits: int = 6,
 ) -> Iterator[bytes]:
-    """Write an OBJ in parts: points to 1e-6 of their unit, texture coordinates to 1e-8 (1e-6 beyond 0 to 1).
+    """Write an OBJ in parts; texture coordinates to 8 digits after the point (6 where they go far beyond 0 to 1).
 
     Parameters
     ----------
@@ -195,12 +202,15 @@ def obj_parts(
         Name of the MTL file and of the material in it.
     comment : str
         Lines of it go first.
+    digits : int
+        Of the points, after the decimal point.
     """
     yield "".join(f"# {line}\n" for line in comment.splitlines()).encode()
     if material:
         yield f"mtllib {material[0]}\nusemtl {material[1]}\n".encode()
     flat = not points[:, 2].any()
-    yield from _rows("v %.6f %.6f 0\n" if flat else "v %.6f %.6f %.6f\n", points[:, :2] if flat else points)
+    number = f"%.{digits}f"
+    yield from _rows(f"v {number} {number} {'0' if flat else number}\n", points[:, :2] if flat else points)
     if polygons.uv is not None and len(polygons.uv):
         yield from _rows("vt %.6f %.6f\n" if np.nanmax(np.abs(polygons.uv)) > 10 else "vt %.8f %.8f\n", polygons.uv)
     yield from _face_parts(polygons)
@@ -213,18 +223,18 @@ def _rows(line: str, numbers: NDArray) -> Iterator[bytes]:
 
 
 def _face_parts(polygons: Polygons) -> Iterator[bytes]:
-    """The f lines in the polygons' order: runs of polygons of one kind are written together."""
-    uv = polygons.uv_corners
+    """The f lines in the polygons' order; a face that lacks the texture coordinates of a corner is written without."""
     first = np.cumsum(polygons.sizes) - polygons.sizes
-    bare = np.ones(len(first), bool) if uv is None else np.minimum.reduceat(uv, first) < 0
-    kind = polygons.sizes * 2 + bare
-    starts = np.flatnonzero(np.r_[True, kind[1:] != kind[:-1]])
-    for start, stop in zip(starts, [*starts[1:], len(kind)], strict=True):
-        size = int(polygons.sizes[start])
-        corners = slice(first[start], first[start] + size * (stop - start))
-        index = polygons.corners[corners].reshape(-1, size) + 1
-        if bare[start]:
-            yield from _rows("f" + " %d" * size + "\n", index)
-        else:
-            pairs = np.stack([index, polygons.uv_corners[corners].reshape(-1, size) + 1], axis=2)
-            yield from _rows("f" + " %d/%d" * size + "\n", pairs.reshape(len(index), -1))
+    uv_corners = polygons.uv_corners
+    bare = np.ones(len(first), bool) if uv_corners is None else np.minimum.reduceat(uv_corners, first) < 0
+    pairs = np.stack([polygons.corners, polygons.corners if uv_corners is None else uv_corners], axis=1) + 1
+    for start in range(0, len(first), _LINES_AT_ONCE):
+        part = slice(start, start + _LINES_AT_ONCE)
+        sizes, without = polygons.sizes[part], bare[part]
+        lines = [
+            ("f" + (" %d" if plain else " %d/%d") * size)
+            for size, plain in zip(sizes.tolist(), without.tolist(), strict=True)
+        ]
+        numbers = pairs[first[start] : first[start] + int(sizes.sum())]
+        written = np.stack([np.ones(len(numbers), bool), ~np.repeat(without, sizes)], axis=1)
+        yield ("\n".join(lines) % tuple(numbers[written].tolist()) + "\n").encode()

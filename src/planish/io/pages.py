@@ -7,6 +7,7 @@ import struct
 import zlib
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,11 @@ JPEG_QUALITY = 95
 
 _MM_PER_INCH = 25.4
 _XRESOLUTION, _YRESOLUTION, _RESOLUTION_UNIT, _SOFTWARE = 0x011A, 0x011B, 0x0128, 0x0131
+_INCH = 2
+_LONGEST_JPEG = 65_500
+_POINTS_PER_INCH = 72.0
+_PDF_POINTS = (3.0, 14_400.0)
+"""Sides of a PDF page that viewers show."""
 
 
 def write_page(path: str | Path, page: Page) -> None:
@@ -49,7 +55,8 @@ def write_page(path: str | Path, page: Page) -> None:
     >>> page = Page(np.full((30, 20), 255, np.uint8), np.ones((30, 20), bool), dpi=300.0)
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     write_page(f"{folder}/page.tif", page)
-    ...     Image.open(f"{folder}/page.tif").info["dpi"]
+    ...     with Image.open(f"{folder}/page.tif") as image:
+    ...         image.info["dpi"]
     (300.0, 300.0)
     """
     write_pages(path, [page])
@@ -127,28 +134,38 @@ def _bilevel_tiff(pages: Sequence[Page]) -> bytes:
 
 def _png(path: Path, pages: Sequence[Page]) -> bytes:
     (page,) = pages
-    if page.pixels.dtype == np.uint16:
-        return _sixteen_bit_png(page)
+    return png_bytes(page.pixels, page.dpi, page.icc)
+
+
+def png_bytes(pixels: NDArray, dpi: float | None = None, icc: bytes | None = None) -> bytes:
+    """Encode pixels of 1, 8 or 16 bits as PNG."""
+    if pixels.dtype == np.uint16:
+        return _sixteen_bit_png(pixels, dpi, icc)
     file = io.BytesIO()
-    options = {"icc_profile": page.icc} if page.icc else {}
-    level = 6 if page.pixels.dtype == bool else 1  # for colour, level 6 takes 5 times as long for 10 % less
-    image = Image.fromarray(page.pixels)
-    image.save(file, "PNG", compress_level=level, dpi=(page.dpi, page.dpi), **options)
+    level = 6 if pixels.dtype == bool else 1  # for colour, level 6 takes 5 times as long for 10 % less
+    Image.fromarray(pixels).save(file, "PNG", compress_level=level, **_info(dpi, icc))
     return file.getvalue()
 
 
-def _sixteen_bit_png(page: Page) -> bytes:
+def _info(dpi: float | None, icc: bytes | None) -> dict[str, Any]:
+    """What Pillow is told; it takes None for a profile of its own."""
+    return ({"dpi": (dpi, dpi)} if dpi else {}) | ({"icc_profile": icc} if icc else {})
+
+
+def _sixteen_bit_png(pixels: NDArray, dpi: float | None, icc: bytes | None) -> bytes:
     """OpenCV's PNG with resolution and profile put behind its header: Pillow writes no 16 bit colour."""
     import cv2
 
-    pixels = page.pixels if page.pixels.ndim == 2 else page.pixels[..., ::-1]
-    ok, encoded = cv2.imencode(".png", pixels, [cv2.IMWRITE_PNG_COMPRESSION, 1])
-    assert ok
+    _, encoded = cv2.imencode(
+        ".png", pixels if pixels.ndim == 2 else pixels[..., ::-1], [cv2.IMWRITE_PNG_COMPRESSION, 1]
+    )
     data = encoded.tobytes()
-    per_metre = round(page.dpi * 1000 / _MM_PER_INCH)
-    chunks = _png_chunk(b"pHYs", struct.pack(">IIB", per_metre, per_metre, 1))
-    if page.icc:
-        chunks = _png_chunk(b"iCCP", b"ICC Profile\0\0" + zlib.compress(page.icc)) + chunks
+    chunks = b""
+    if icc:
+        chunks += _png_chunk(b"iCCP", b"ICC Profile\0\0" + zlib.compress(icc))
+    if dpi:
+        per_metre = round(dpi * 1000 / _MM_PER_INCH)
+        chunks += _png_chunk(b"pHYs", struct.pack(">IIB", per_metre, per_metre, 1))
     header = 8 + 4 + 4 + 13 + 4  # signature; length, name, content and checksum of IHDR
     return data[:header] + chunks + data[header:]
 
@@ -163,32 +180,51 @@ def _png_chunk(name: bytes, content: bytes) -> bytes:
 def _jpeg(path: Path, pages: Sequence[Page]) -> bytes:
     (page,) = pages
     rows, cols = page.pixels.shape[:2]
-    if max(rows, cols) > 65_500:
+    if max(rows, cols) > _LONGEST_JPEG:
         raise OutputError(
-            f"{path}: the page has {cols} x {rows} pixels and a JPEG at most 65500 a side; write .tif or .png"
+            f"{path}: the page has {cols} x {rows} pixels, and a JPEG at most {_LONGEST_JPEG} a side; write .tif"
         )
-    exif = Image.Exif()  # JFIF holds whole dpi only
-    exif[_XRESOLUTION] = exif[_YRESOLUTION] = page.dpi
-    exif[_RESOLUTION_UNIT], exif[_SOFTWARE] = 2, _software()
-    options = {"icc_profile": page.icc} if page.icc else {}
+    return jpeg_bytes(page.pixels, page.dpi, page.icc)
+
+
+def jpeg_bytes(pixels: NDArray, dpi: float | None = None, icc: bytes | None = None) -> bytes:
+    """Encode pixels as JPEG, those of 1 and 16 bits as 8."""
+    options = _info(round(dpi) if dpi else None, icc)
+    if dpi:  # JFIF holds whole dpi only
+        exif = Image.Exif()
+        exif[_XRESOLUTION] = exif[_YRESOLUTION] = dpi
+        exif[_RESOLUTION_UNIT], exif[_SOFTWARE] = _INCH, _software()
+        options["exif"] = exif
     file = io.BytesIO()
-    image = Image.fromarray(_eight_bit(_grey(page.pixels)))
-    dpi = (round(page.dpi), round(page.dpi))
-    image.save(file, "JPEG", quality=JPEG_QUALITY, subsampling=0, dpi=dpi, exif=exif, **options)
+    image = Image.fromarray(_eight_bit(_grey(pixels)))
+    image.save(file, "JPEG", quality=JPEG_QUALITY, subsampling=0, **options)
     return file.getvalue()
 
 
 def _pdf(path: Path, pages: Sequence[Page]) -> bytes:
     import img2pdf
 
+    for page in pages:
+        _check_pdf_size(path, page)
     parts = [(_tiff if page.pixels.dtype == bool else _jpeg)(path, [page]) for page in pages]
     sizes = iter(pages)
 
     def layout(width_px: int, height_px: int, dpi: object) -> tuple[float, float, float, float]:
-        points = 72.0 / next(sizes).dpi  # the file's own dpi may be rounded
+        points = _POINTS_PER_INCH / next(sizes).dpi  # the file's own dpi may be rounded
         return (width_px * points, height_px * points) * 2
 
     return bytes(img2pdf.convert(parts, layout_fun=layout, creator=_software(), nodate=True))
+
+
+def _check_pdf_size(path: Path, page: Page) -> None:
+    rows, cols = page.pixels.shape[:2]
+    width, height = (n / page.dpi * _MM_PER_INCH for n in (cols, rows))
+    smallest, largest = (points / _POINTS_PER_INCH * _MM_PER_INCH for points in _PDF_POINTS)
+    if not smallest <= min(width, height) <= max(width, height) <= largest:
+        raise OutputError(
+            f"{path}: the page is {width:.3g} x {height:.3g} mm, and those of a PDF have {smallest:.1f} to {largest:.0f}"
+            " mm a side; write .tif"
+        )
 
 
 _ENCODERS: dict[str, Callable[[Path, Sequence[Page]], bytes]] = {

@@ -153,9 +153,7 @@ def _first_bad_line(text: bytes) -> tuple[int, str]:
     return 0, "?"
 
 
-def _read_element(
-    path: Path, element: Element, body: NDArray, start: int, order: str
-) -> tuple[dict[str, Column], int]:
+def _read_element(path: Path, element: Element, body: NDArray, start: int, order: str) -> tuple[dict[str, Column], int]:
     """The columns of one element, and where the next starts; body holds bytes, or the numbers of an ascii file."""
     cut = InputError(f"{path} ends within its {element.rows} rows of {element.name}; was the file cut short?")
     if not element.properties or not element.rows:
@@ -176,7 +174,7 @@ def _read_element(
     columns = {}
     for k, p in enumerate(element.properties):
         values = copy_items(body, starts[:, k], counts[:, k] * sizes[k])
-        values = values.astype(p.kind) if ascii_body else values.view(order + p.kind)
+        values = values if ascii_body else values.view(order + p.kind)
         columns[p.name] = Column(values, counts[:, k] if p.count_kind else None)
     return columns, int(stop)
 

@@ -54,6 +54,19 @@ def of_triangles(faces: Ints, uv: Floats | None = None, uv_faces: Ints | None = 
     return Polygons(sizes, corners, uv, corners if uv_faces is None else np.asarray(uv_faces, np.int32).reshape(-1))
 
 
+def uv_of_points(polygons: Polygons, count: int) -> NDArray[np.int64] | None:
+    """Row of `uv` of each of the `count` points, -1 for none; None where a point has different ones at its corners."""
+    if polygons.uv is None or polygons.uv_corners is None:
+        return np.full(count, -1)
+    rows = np.full(count, -1)
+    rows[polygons.corners] = polygons.uv_corners
+    found = rows[polygons.corners]
+    differ = np.flatnonzero(found != polygons.uv_corners)
+    same = (polygons.uv[found[differ]] == polygons.uv[polygons.uv_corners[differ]]).all(1)
+    none = np.minimum(found, polygons.uv_corners)[differ] < 0
+    return rows if (same & ~none).all() else None
+
+
 def triangulate(points: Floats, polygons: Polygons) -> NDArray[np.int64]:
     """Cut every polygon into triangles, keeping its winding and adding no points.
 

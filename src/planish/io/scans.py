@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from planish.errors import InputError
 from planish.io.cameras import read_camera
 from planish.io.filemesh import FileMesh
 from planish.io.images import Photo, decode_photo, read_photo
 from planish.io.meshes import read_mesh
-from planish.io.polygons import Polygons, triangulate
+from planish.io.polygons import Polygons, triangulate, uv_of_points
 from planish.io.units import MM_PER_UNIT, Unit, decide_unit
-from planish.types import Bools, Camera, Floats, Mesh, Scan, _freeze
+from planish.mesh import depths
+from planish.types import Camera, Floats, Mesh, Scan
 
 _OUTSIDE = 1e-4
 """How far texture coordinates may be outside 0 to 1 before that is said: rounding in the file."""
@@ -33,18 +35,12 @@ class ReadScan:
     warnings : list of str
     polygons : Polygons
         The file's own faces and texture coordinates.
-    grid : (rows, cols) bool or None
-        For a file that is a grid of points: which cells hold one.
     """
 
     scan: Scan
     unit: Unit
     warnings: list[str]
     polygons: Polygons
-    grid: Bools | None = field(default=None)
-
-    def __post_init__(self) -> None:
-        _freeze(self)
 
 
 def read_scan(
@@ -74,43 +70,25 @@ def read_scan(
     unit, told = decide_unit(found.points, units, found.unit)
     warnings = [*found.warnings, *told]
     points = found.points * MM_PER_UNIT[unit]
-    mesh = Mesh(points, found.polygons.corners[triangulate(points, found.polygons)])
-    picture = _picture(found, photo, warnings)
-    photo_name = _photo_name(found, photo)
+    triangles = triangulate(points, found.polygons)
+    mesh = Mesh(points, found.polygons.corners[triangles])
     seen_from = None
     if camera is not None:
-        seen_from = read_camera(camera, photo_name, mm_per_unit=MM_PER_UNIT[unit])
-        _check_same_size(camera, seen_from, photo_name, picture)
-    by_camera = seen_from is not None and photo is not None and not _same_file(found.texture, photo)
+        seen_from = read_camera(camera, _photo_name(found, photo), mm_per_unit=MM_PER_UNIT[unit])
+        _check_in_front(camera, seen_from, points)
+    picture = _picture(path, found, photo, seen_from, warnings)
     photo_xy = None
-    if picture is not None and not by_camera:
-        photo_xy = _photo_xy(path, found, points, picture.pixels.shape[:2], warnings)
+    if picture is not None:
+        _check_same_size(camera, seen_from, photo or found.texture, picture)
+        if seen_from is None or photo is None or _same_file(found.texture, photo):
+            photo_xy = _photo_xy(path, found.polygons, triangles, len(points), picture.pixels.shape[:2], warnings)
         if photo_xy is None and seen_from is None:
             raise InputError(
                 f"{path} has no texture coordinates, so nothing tells where its points lie on the photo; give --camera"
             )
-    scan = Scan(
-        mesh,
-        photo=picture.pixels if picture else None,
-        photo_xy=photo_xy,
-        camera=seen_from,
-        icc=picture.icc if picture else None,
-    )
-    return ReadScan(scan, unit, warnings, found.polygons, found.grid)
-
-
-def _picture(found: FileMesh, photo: str | Path | None, warnings: list[str]) -> Photo | None:
-    """The photo that the user names, else the texture."""
-    if photo is not None:
-        picture = read_photo(photo)
-    elif isinstance(found.texture, Path):
-        picture = read_photo(found.texture)
-    elif isinstance(found.texture, bytes):
-        picture = decode_photo("the texture in the mesh file", found.texture)
-    else:
-        return None
-    warnings += picture.warnings
-    return picture
+    pixels, icc = (picture.pixels, picture.icc) if picture else (None, None)
+    scan = Scan(mesh, photo=pixels, photo_xy=photo_xy, camera=seen_from, icc=icc)
+    return ReadScan(scan, unit, warnings, found.polygons)
 
 
 def _photo_name(found: FileMesh, photo: str | Path | None) -> str | None:
@@ -119,41 +97,81 @@ def _photo_name(found: FileMesh, photo: str | Path | None) -> str | None:
     return found.texture.name if isinstance(found.texture, Path) else None
 
 
+def _picture(
+    path: Path, found: FileMesh, photo: str | Path | None, camera: Camera | None, warnings: list[str]
+) -> Photo | None:
+    """The photo that the user names, or else the texture, if it can be read: the geometry does without."""
+    source = found.texture if photo is None else photo
+    if source is None:
+        return None
+    try:
+        picture = _decoded(path, source)
+        if camera is not None and picture.pixels.shape[:2] != camera.shape_rc:
+            upright = _decoded(path, source, upright=True)
+            picture = upright if upright.pixels.shape[:2] == camera.shape_rc else picture
+    except InputError as problem:
+        if photo is not None:
+            raise
+        warnings.append(f"the texture was left out: {problem}")
+        return None
+    warnings += picture.warnings
+    return picture
+
+
+def _decoded(path: Path, source: str | Path | bytes, *, upright: bool = False) -> Photo:
+    if isinstance(source, bytes):
+        return decode_photo(f"the image in {path}", source, upright=upright)
+    return read_photo(source, upright=upright)
+
+
 def _same_file(texture: Path | bytes | None, photo: str | Path) -> bool:
     return isinstance(texture, Path) and texture.samefile(photo)
 
 
-def _check_same_size(path: str | Path, camera: Camera, photo_name: str | None, picture: Photo | None) -> None:
-    if picture is None or picture.pixels.shape[:2] == camera.shape_rc:
+def _check_in_front(path: str | Path, camera: Camera, points: Floats) -> None:
+    finite = points[np.isfinite(points).all(1)]
+    if np.median(depths(camera, finite)) <= 0:
+        raise InputError(
+            f"{path}: the camera looks away from the scan, which lies behind it; do the two belong together?"
+        )
+
+
+def _check_same_size(
+    path: str | Path | None, camera: Camera | None, source: str | Path | bytes | None, picture: Photo
+) -> None:
+    if camera is None or picture.pixels.shape[:2] == camera.shape_rc:
         return
-    (rows, cols), (asked_rows, asked_cols) = picture.pixels.shape[:2], camera.shape_rc
+    name = "the texture" if isinstance(source, bytes) else str(source)
+    (rows, cols), (wanted_rows, wanted_cols) = picture.pixels.shape[:2], camera.shape_rc
     raise InputError(
-        f"{photo_name or 'the photo'} is {cols} x {rows} pixels, but {path} is for a photo of {asked_cols} x {asked_rows};"
-        " give the photo that the camera's numbers belong to"
+        f"{name} is {cols} x {rows} pixels, but {path} is for a photo of {wanted_cols} x {wanted_rows}; give the photo"
+        " that the camera's numbers belong to"
     )
 
 
 def _photo_xy(
-    path: Path, found: FileMesh, points: Floats, shape_rc: tuple[int, int], warnings: list[str]
+    path: Path,
+    polygons: Polygons,
+    triangles: NDArray[np.int64],
+    count: int,
+    shape_rc: tuple[int, int],
+    warnings: list[str],
 ) -> Floats | None:
     """Texture coordinates as photo pixels: per point (n, 2) where each point has one place, else per corner (m, 3, 2).
 
     Pixel centres lie at integers, so u = 0 is x = -0.5. Corners without texture coordinates get NaN.
     """
-    polygons = found.polygons
-    if polygons.uv is None or polygons.uv_corners is None:
+    if polygons.uv is None or polygons.uv_corners is None or not (polygons.uv_corners >= 0).any():
         return None
+    _say_outside(path, polygons, warnings)
+    uv = np.vstack([polygons.uv, [np.nan, np.nan]])  # row -1: none
     rows, cols = shape_rc
     with np.errstate(invalid="ignore", over="ignore"):
-        places = np.stack([polygons.uv[:, 0] * cols - 0.5, (1 - polygons.uv[:, 1]) * rows - 0.5], axis=1)
-    places = np.vstack([places, [np.nan, np.nan]])  # row -1: none
+        places = np.stack([uv[:, 0] * cols - 0.5, (1 - uv[:, 1]) * rows - 0.5], axis=1)
     places[~np.isfinite(places).all(1)] = np.nan
-    _say_outside(path, polygons, warnings)
-    row_of_point = np.full(len(points), -1, np.int64)
-    row_of_point[polygons.corners] = polygons.uv_corners
-    if (row_of_point[polygons.corners] == polygons.uv_corners).all():
+    row_of_point = uv_of_points(polygons, count)
+    if row_of_point is not None:
         return np.asarray(places[row_of_point])
-    triangles = triangulate(points, polygons)
     return np.asarray(places[polygons.uv_corners[triangles]])
 
 

@@ -1,6 +1,6 @@
 """The photo drawn through the flattened mesh, at true size."""
 
-from planish.render.camera import project
+from planish.mesh import project
 from planish.render.draw import Rendered, draw
 from planish.render.resolution import Resolution
 

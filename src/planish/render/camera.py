@@ -1,33 +1,15 @@
-"""Cameras: points onto the photo, and a camera found again from where the points lie on the photo."""
+"""A camera found again from where the points of a sheet lie on the photo."""
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 
-from planish.types import Camera, Floats
+from planish.types import Floats
 
 ENOUGH_POINTS = 4000
 """Of a scan's points, to find its camera from."""
 GOOD_FIT = 0.005
 """Rms misfit, in parts of the photo's diagonal, up to which photo places are taken to come from one camera."""
-
-
-def project(camera: Camera, points: Floats) -> Floats:
-    """Place points on the photo: (n, 2) float64 [photo px], x right, y down, with the lens's distortion."""
-    if not len(points):
-        return np.zeros((0, 2))
-    turn, _ = cv2.Rodrigues(np.asarray(camera.rotation, np.float64))
-    lens = np.asarray(camera.distortion, np.float64) if len(camera.distortion) else None
-    xy, _ = cv2.projectPoints(
-        np.ascontiguousarray(points, np.float64), turn, np.asarray(camera.translation, np.float64), camera.matrix, lens
-    )
-    return np.asarray(xy, np.float64).reshape(-1, 2)
-
-
-def depths(camera: Camera, points: Floats) -> Floats:
-    """Depth of points in front of a camera: (n,) float64 [mm]."""
-    return np.asarray(points @ camera.rotation[2] + np.ravel(camera.translation)[2])
 
 
 def resect(points: Floats, photo_xy: Floats) -> Floats | None:
@@ -53,9 +35,7 @@ def resect(points: Floats, photo_xy: Floats) -> Floats | None:
     if len(space) < 6:
         return None
     zero = np.zeros_like(space)
-    equations = np.concatenate(
-        [np.c_[space, zero, -image[:, :1] * space], np.c_[zero, space, -image[:, 1:2] * space]]
-    )
+    equations = np.concatenate([np.c_[space, zero, -image[:, :1] * space], np.c_[zero, space, -image[:, 1:2] * space]])
     camera = np.linalg.eigh(equations.T @ equations)[1][:, 0].reshape(3, 4)
     camera = np.linalg.inv(to_image) @ camera @ to_space
     seen = np.c_[points, np.ones(len(points))] @ camera.T

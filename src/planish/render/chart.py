@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from planish.render.camera import project
+from planish.mesh import project
 from planish.render.patch import refine
 from planish.types import Floats, Ints, Scan
 
@@ -95,7 +95,8 @@ def _jacobians(page, photo, faces):  # type: ignore[no-untyped-def]
     area = np.zeros(len(page))
     for f in range(len(faces)):
         a, b, c = faces[f]
-        u1, v1, u2, v2 = page[b, 0] - page[a, 0], page[b, 1] - page[a, 1], page[c, 0] - page[a, 0], page[c, 1] - page[a, 1]
+        u1, v1 = page[b, 0] - page[a, 0], page[b, 1] - page[a, 1]
+        u2, v2 = page[c, 0] - page[a, 0], page[c, 1] - page[a, 1]
         x1, y1 = photo[b, 0] - photo[a, 0], photo[b, 1] - photo[a, 1]
         x2, y2 = photo[c, 0] - photo[a, 0], photo[c, 1] - photo[a, 1]
         for i in (a, b, c):

@@ -35,9 +35,7 @@ class Rendered:
     resolution: Resolution
 
 
-def draw(
-    scan: Scan, page_xy: Floats, size_mm: tuple[float, float], settings: RenderSettings | None = None
-) -> Rendered:
+def draw(scan: Scan, page_xy: Floats, size_mm: tuple[float, float], settings: RenderSettings | None = None) -> Rendered:
     """Draw the page: for every pixel its place on the sheet, from there its place on the photo, filtered.
 
     The pixel at row r, column c shows the page at ((c + 0.5), (r + 0.5)) * 25.4 / dpi mm. Parts that the photo did

@@ -7,6 +7,9 @@ from numba import njit, prange
 
 from planish.types import Floats, Ints
 
+PULL = 1e-10
+"""Of a quadratic to flatness, against neighbours at weight 1 or more."""
+
 
 def refine(page_xy: Floats, values: Floats, faces: Ints, pieces: int) -> tuple[Floats, Floats, Ints]:
     """Cut every face into pieces**2 and interpolate what the points carry over the page, smoothly.
@@ -34,7 +37,8 @@ def refine(page_xy: Floats, values: Floats, faces: Ints, pieces: int) -> tuple[F
     Examples
     --------
     >>> page = np.array([[x, y] for y in (0.0, 1, 2, 3) for x in (0.0, 1, 2, 3)])
-    >>> faces = np.array([[i, i + 4, i + 1] for i in range(11) if i % 4 < 3], np.int32)
+    >>> corner = [i for i in range(11) if i % 4 < 3]
+    >>> faces = np.array([[i, i + 4, i + 1] for i in corner] + [[i + 1, i + 4, i + 5] for i in corner], np.int32)
     >>> fine, squared, _ = refine(page, page[:, :1] ** 2, faces, 2)
     >>> bool(np.allclose(squared[:, 0], fine[:, 0] ** 2))
     True
@@ -49,7 +53,7 @@ def refine(page_xy: Floats, values: Floats, faces: Ints, pieces: int) -> tuple[F
 
 def _grid_of(pieces: int) -> tuple[Floats, Ints]:
     """Barycentric weights (k, 3) of the points of a cut triangle, and its small faces, turned as the whole is."""
-    place = {}
+    place: dict[tuple[int, int], int] = {}
     for i in range(pieces + 1):
         for j in range(pieces + 1 - i):
             place[i, j] = len(place)
@@ -72,33 +76,52 @@ def _rings(faces: Ints, count: int) -> tuple[Ints, Ints]:
 
 @njit(cache=True, parallel=True)
 def _quadratics(page, values, start, ring):  # type: ignore[no-untyped-def]
-    """(n, 5, d): slopes in x and y, then the terms of x^2, xy, y^2; weights fall off as 1 / distance^2."""
+    """(n, 5, d): slopes in x and y, then the terms of x^2, xy, y^2; weights fall off as 1 / distance^2.
+
+    A plane is fitted first and the quadratic to what it leaves, so that a flat map stays exactly flat.
+    """
     d = values.shape[1]
     found = np.zeros((len(page), 5, d))
     for i in prange(len(page)):
-        left, right = np.zeros((5, 5)), np.zeros((5, d))
-        reach, row = 0.0, np.empty(5)
-        for k in range(start[i], start[i + 1]):
-            reach = max(reach, np.hypot(page[ring[k], 0] - page[i, 0], page[ring[k], 1] - page[i, 1]))
-        for k in range(start[i], start[i + 1]):
-            j = ring[k]
-            if j == i or reach == 0:
-                continue
+        near = ring[start[i] : start[i + 1]]
+        reach = 0.0
+        for j in near:
+            reach = max(reach, np.hypot(page[j, 0] - page[i, 0], page[j, 1] - page[i, 1]))
+        if reach == 0:
+            continue
+        terms, left = np.empty((len(near), 5)), np.empty((len(near), d))
+        for k in range(len(near)):
+            j = near[k]
             x, y = (page[j, 0] - page[i, 0]) / reach, (page[j, 1] - page[i, 1]) / reach
-            row[0], row[1], row[2], row[3], row[4] = x, y, x * x, x * y, y * y
-            weight = 1 / (x * x + y * y + 1e-3)
-            for r in range(5):
-                for s in range(5):
-                    left[r, s] += weight * row[r] * row[s]
-                for s in range(d):
-                    right[r, s] += weight * row[r] * (values[j, s] - values[i, s])
-        for r in range(5):  # a little pull to flatness decides what too few neighbours leave open
-            left[r, r] += 1e-9 + (1e-6 if r > 1 else 0.0)
-        solved = np.linalg.solve(left, right)
+            terms[k, 0], terms[k, 1], terms[k, 2], terms[k, 3], terms[k, 4] = x, y, x * x, x * y, y * y
+            for s in range(d):
+                left[k, s] = values[j, s] - values[i, s]
+        plane = _fitted(terms, left, 2)
+        for k in range(len(near)):
+            for s in range(d):
+                left[k, s] -= terms[k, 0] * plane[0, s] + terms[k, 1] * plane[1, s]
+        more = _fitted(terms, left, 5)
         for s in range(d):
             for r in range(5):
-                found[i, r, s] = solved[r, s] / (reach if r < 2 else reach * reach) if reach > 0 else 0.0
+                plain = plane[r, s] if r < 2 else 0.0
+                found[i, r, s] = (plain + more[r, s]) / (reach if r < 2 else reach * reach)
     return found
+
+
+@njit(cache=True)
+def _fitted(terms, values, count):  # type: ignore[no-untyped-def]
+    """Weighted least squares by the first terms; a little pull to zero decides what too few neighbours leave open."""
+    d = values.shape[1]
+    left, right = PULL * np.eye(count), np.zeros((count, d))
+    for k in range(len(terms)):
+        square = terms[k, 0] ** 2 + terms[k, 1] ** 2
+        weight = 1 / square if square > 0 else 0.0  # the point itself is met exactly, whatever the slopes
+        for r in range(count):
+            for s in range(count):
+                left[r, s] += weight * terms[k, r] * terms[k, s]
+            for s in range(d):
+                right[r, s] += weight * terms[k, r] * values[k, s]
+    return np.linalg.solve(left, right)
 
 
 @njit(cache=True, parallel=True)

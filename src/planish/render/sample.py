@@ -55,7 +55,7 @@ def lanczos() -> NDArray[np.float32]:
     return np.where(x < LOBES, np.sinc(x) * np.sinc(x / LOBES), 0).astype(np.float32)
 
 
-def sample(  # noqa: PLR0913
+def sample(
     photo: Pixels,
     face: Ints,
     weights: NDArray[np.float32],

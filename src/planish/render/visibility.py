@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from planish.mesh import rasterise
-from planish.render.camera import depths, resect
+from planish.mesh import depths, rasterise
+from planish.render.camera import resect
 from planish.render.chart import Chart
 from planish.types import Bools, Camera, Floats
 

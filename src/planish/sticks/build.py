@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 
 from planish.mesh import Topology
 from planish.settings import Lengths
+from planish.sticks.smooth import smooth_lengths
+from planish.sticks.strain import distances
 from planish.types import Floats, Ints, Mesh, Sticks
 
 
-def make_sticks(mesh: Mesh, topology: Topology, lengths: Lengths = "unfolded") -> Sticks:
+def make_sticks(mesh: Mesh, topology: Topology, lengths: Lengths = "smooth") -> Sticks:
     """Turn a mesh into sticks of fixed length (eq. 1).
 
     Parameters
@@ -17,10 +20,11 @@ def make_sticks(mesh: Mesh, topology: Topology, lengths: Lengths = "unfolded") -
     mesh : Mesh
     topology : Topology
         Of the same mesh.
-    lengths : {"unfolded", "straight"}
-        Rest length of the bending sticks. At a fold `straight`, the paper's choice, takes the corners' distance
-        through the air, which is shorter than over the sheet, and so pulls the fold together; `unfolded` lays the
-        two triangles into one plane first. On a smooth sheet the two agree to second order.
+    lengths : {"smooth", "unfolded", "straight"}
+        smooth: the edges are as long as the surface without the scanner's noise, true also across creases (see
+        `smooth_lengths`). The others take them as they stand in space. Bending sticks are as long as the distance of
+        their corners once the two triangles are laid into one plane (smooth, unfolded), or as they stand in space
+        (straight, the paper's choice): at a fold that is shorter than over the sheet, and pulls the fold together.
 
     Examples
     --------
@@ -34,43 +38,85 @@ def make_sticks(mesh: Mesh, topology: Topology, lengths: Lengths = "unfolded") -
     1.414
     2.0
     """
-    edge_rest = _distance(mesh.points, topology.edges)
+    smoothed = smooth_lengths(mesh.points, mesh.faces, topology) if lengths == "smooth" else None
+    edge_rest = distances(mesh.points, topology.edges) if smoothed is None else smoothed.rest
     corners, edge = bending_pairs(mesh.faces, topology)
-    bend_rest = (
-        _distance(mesh.points, corners)
-        if lengths == "straight"
-        else unfolded_distance(mesh.points, topology.edges[edge], corners)
-    )
+    if lengths == "straight":
+        bend_rest = distances(mesh.points, corners)
+    else:
+        bend_rest = unfolded_distance(edge_rest, edge, mesh.faces, topology)
     rest = np.concatenate([edge_rest, bend_rest])
-    pairs = np.concatenate([topology.edges, corners])
-    return Sticks(pairs=pairs, rest=rest, weight=np.ones(len(rest)), edges=len(edge_rest))
+    return Sticks(
+        pairs=np.concatenate([topology.edges, corners]),
+        rest=rest,
+        weight=np.ones(len(rest)),
+        edges=len(edge_rest),
+        noise_mm=None if smoothed is None else smoothed.noise_mm,
+    )
 
 
 def bending_pairs(faces: Ints, topology: Topology) -> tuple[Ints, Ints]:
     """Opposite corners of every two triangles that share an edge: (b, 2) points and the (b,) rows of that edge."""
     edge = np.flatnonzero(topology.edge_uses == 2).astype(np.int32)
-    around = faces[topology.edge_faces[edge]].sum(axis=2, dtype=np.int64)
-    corners = around - topology.edges[edge].sum(axis=1, dtype=np.int64)[:, None]
-    return corners.astype(np.int32), edge
+    return _opposite_corners(edge, topology.edges, topology.edge_faces, faces), edge
 
 
-def unfolded_distance(points: Floats, edges: Ints, corners: Ints) -> Floats:
-    """Distance of two opposite corners once their triangles lie in one plane, on both sides of the common edge.
+def unfolded_distance(edge_rest: Floats, edge: Ints, faces: Ints, topology: Topology) -> Floats:
+    """Distance of two opposite corners once their triangles are laid into one plane, on both sides of their edge.
 
-    With x along the edge and h >= 0 across it, the corners lie at (x1, h1) and (x2, -h2), so that
+    Found from nothing but the lengths of the five edges, so that bending sticks and edges agree on one flat shape.
+    With x along the common edge and h >= 0 across it, the corners lie at (x1, h1) and (x2, -h2), so that
     d^2 = (x1 - x2)^2 + (h1 + h2)^2.
+
+    Parameters
+    ----------
+    edge_rest : (e,) float64 [mm]
+        Of the edges of the topology. Three that cannot close to a triangle count as one without height.
+    edge : (b,) int32
+        Rows of the edges with two faces.
+    faces : (m, 3) int32
+    topology : Topology
+
+    Returns
+    -------
+    (b,) float64 [mm]
     """
-    origin = points[edges[:, 0]]
-    along = points[edges[:, 1]] - origin
-    length = np.linalg.norm(along, axis=1, keepdims=True)
-    along = np.divide(along, length, out=np.zeros_like(along), where=length > 0)
-    x, h = [], []
-    for side in (0, 1):
-        arm = points[corners[:, side]] - origin
-        x.append(np.einsum("ij,ij->i", arm, along))
-        h.append(np.linalg.norm(arm - x[-1][:, None] * along, axis=1))
-    return np.hypot(x[0] - x[1], h[0] + h[1])
+    return np.asarray(_unfold(edge_rest, edge, topology.edges, topology.edge_faces, topology.face_edges, faces))
 
 
-def _distance(points: Floats, pairs: Ints) -> Floats:
-    return np.asarray(np.linalg.norm(points[pairs[:, 1]] - points[pairs[:, 0]], axis=1))
+@njit(cache=True, nogil=True)
+def _opposite_corners(edge, edges, edge_faces, faces):  # type: ignore[no-untyped-def]
+    corners = np.empty((len(edge), 2), np.int32)
+    for b in range(len(edge)):
+        i, j = edges[edge[b], 0], edges[edge[b], 1]
+        for side in range(2):
+            f = edge_faces[edge[b], side]
+            corners[b, side] = faces[f, 0] + faces[f, 1] + faces[f, 2] - i - j
+    return corners
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _unfold(edge_rest, edge, edges, edge_faces, face_edges, faces):  # type: ignore[no-untyped-def]
+    out = np.empty(len(edge))
+    for b in range(len(edge)):
+        e = edge[b]
+        x1, h1 = _corner(edge_rest, e, edge_faces[e, 0], edges[e, 0], face_edges, faces)
+        x2, h2 = _corner(edge_rest, e, edge_faces[e, 1], edges[e, 0], face_edges, faces)
+        out[b] = np.sqrt((x1 - x2) ** 2 + (h1 + h2) ** 2)
+    return out
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _corner(edge_rest, e, f, origin, face_edges, faces):  # type: ignore[no-untyped-def]
+    """Place of the corner of face f opposite to its edge e, along e from the point `origin` and across it."""
+    k = 0
+    while face_edges[f, k] != e:
+        k += 1
+    b, u, v = edge_rest[e], edge_rest[face_edges[f, (k + 2) % 3]], edge_rest[face_edges[f, (k + 1) % 3]]
+    if faces[f, k] != origin:  # edge k joins the corners k and k + 1; u is to start at the origin
+        u, v = v, u
+    if b == 0.0:
+        return 0.0, u
+    x = min(max((b * b + (u - v) * (u + v)) / (2.0 * b), -u), u)
+    area = (b + u + v) * (u + v - b) * (b + u - v) * (b - u + v)  # 16 times its square (Heron)
+    return x, np.sqrt(max(area, 0.0)) / (2.0 * b)

@@ -1,0 +1,128 @@
+"""Scans to files that `read_scan` takes back."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from planish.errors import OutputError
+from planish.io.cameras import camera_as_json
+from planish.io.files import write_bytes, write_json
+from planish.io.gltf_write import glb_bytes, one_uv_per_point
+from planish.io.obj import obj_parts
+from planish.io.pages import jpeg_bytes, png_bytes
+from planish.io.ply_write import ply_parts
+from planish.io.polygons import Polygons, of_triangles
+from planish.io.units import MM_PER_UNIT
+from planish.types import Floats, Scan
+
+
+def write_scan(path: str | Path, scan: Scan) -> list[Path]:
+    """Write a scan so that `read_scan` takes it back: mesh, photo, texture coordinates, camera.
+
+    OBJ and PLY are in mm, and the photo goes beside them under the same name: as JPEG of quality 95, or as PNG if it
+    has 16 bits. GLB is in metres (float32) and holds the photo. A camera goes beside as NAME_camera.json, in the unit
+    of the mesh.
+
+    Parameters
+    ----------
+    path : str or Path
+        .obj, .ply or .glb.
+    scan : Scan
+
+    Returns
+    -------
+    list of Path
+        The files written, the mesh first.
+
+    Raises
+    ------
+    OutputError
+        If the suffix is another, or a file cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from planish.types import Mesh
+    >>> mesh = Mesh(np.array([[0.0, 0, 0], [200, 0, 0], [0, 280, 0]]), np.array([[0, 1, 2]]))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     [file.name for file in write_scan(f"{folder}/sheet.ply", Scan(mesh))]
+    ['sheet.ply']
+    """
+    path = Path(path)
+    if path.suffix.lower() not in (".obj", ".ply", ".glb"):
+        raise OutputError(
+            f"{path}: a scan is written as .obj, .ply or .glb; {path.suffix or 'no suffix'} is none of them"
+        )
+    photo = _encoded(scan)
+    written = [path]
+    mm_per_unit = 1.0
+    if path.suffix.lower() == ".glb":
+        mm_per_unit = MM_PER_UNIT["m"]
+        write_bytes(path, _glb(scan, photo))
+    else:
+        name = None
+        if photo is not None:
+            name = path.with_suffix(".png" if photo.startswith(b"\x89PNG") else ".jpg").name
+            write_bytes(path.with_name(name), photo)
+            written.append(path.with_name(name))
+        written += (_write_obj if path.suffix.lower() == ".obj" else _write_ply)(path, scan, name)
+    if scan.camera is not None:
+        camera = path.with_name(f"{path.stem}_camera.json")
+        write_json(camera, camera_as_json(scan.camera, mm_per_unit=mm_per_unit))
+        written.append(camera)
+    return written
+
+
+def _encoded(scan: Scan) -> bytes | None:
+    if scan.photo is None:
+        return None
+    return (jpeg_bytes if scan.photo.dtype == np.uint8 else png_bytes)(scan.photo, icc=scan.icc)
+
+
+def _write_obj(path: Path, scan: Scan, photo_name: str | None) -> list[Path]:
+    mtl = path.with_suffix(".mtl")
+    material = None
+    if photo_name is not None:
+        write_bytes(mtl, f"newmtl page\nKd 1 1 1\nmap_Kd {photo_name}\n".encode())
+        material = (mtl.name, "page")
+    write_bytes(path, obj_parts(scan.mesh.points, _textured(scan), material=material, comment="units: mm"))
+    return [mtl] if material else []
+
+
+def _write_ply(path: Path, scan: Scan, photo_name: str | None) -> list[Path]:
+    uv = None
+    polygons = _textured(scan)
+    if scan.photo is not None and scan.photo_xy is not None and scan.photo_xy.ndim == 2:
+        uv = _uv(scan.photo_xy, scan.photo.shape[:2])
+    write_bytes(path, ply_parts(scan.mesh.points, polygons, point_uv=uv, texture=photo_name, comments=["units: mm"]))
+    return []
+
+
+def _glb(scan: Scan, photo: bytes | None) -> bytes:
+    polygons, points, faces, uv = _textured(scan), scan.mesh.points, scan.mesh.faces, None
+    if polygons.uv is not None and polygons.uv_corners is not None:
+        corners = polygons.uv_corners.reshape(-1, 3)
+        faces, source, uv = one_uv_per_point(len(points), faces, polygons.uv, corners)
+        points = points[source]
+    return glb_bytes(points, faces, uv, photo)
+
+
+def _uv(photo_xy: Floats, shape_rc: tuple[int, int]) -> Floats:
+    """Texture coordinates (k, 2), v up; the inverse of what reading does."""
+    rows, cols = shape_rc
+    places = photo_xy.reshape(-1, 2)
+    return np.stack([(places[:, 0] + 0.5) / cols, 1 - (places[:, 1] + 0.5) / rows], axis=1)
+
+
+def _textured(scan: Scan) -> Polygons:
+    """The scan's faces with photo places as texture coordinates; those that are not finite are left out."""
+    if scan.photo is None or scan.photo_xy is None:
+        return of_triangles(scan.mesh.faces)
+    uv = _uv(scan.photo_xy, scan.photo.shape[:2])
+    seen = np.isfinite(uv).all(1)
+    row = np.where(seen, np.cumsum(seen) - 1, -1).astype(np.int32)
+    if scan.photo_xy.ndim == 2:
+        row = row[scan.mesh.faces]
+    return of_triangles(scan.mesh.faces, uv[seen], row)

@@ -1,0 +1,151 @@
+"""Damaged files of every kind: whatever is read of them, nothing but an InputError comes out."""
+
+import io
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import tifffile
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from PIL import Image
+
+from planish.errors import InputError
+from planish.io.cameras import camera_as_json, read_camera
+from planish.io.gltf import read_gltf
+from planish.io.gltf_write import glb_bytes
+from planish.io.images import decode_grid, decode_photo
+from planish.io.obj import read_obj
+from planish.io.pages import jpeg_bytes, png_bytes
+from planish.io.ply import read_ply
+from planish.io.ply_write import ply_parts
+from planish.io.polygons import of_triangles, triangulate
+from samples import camera_above, obj_text, picture, sheet_scan
+
+SCAN = sheet_scan()
+UV = np.random.default_rng(0).random((35, 2))
+ASCII_PLY = (
+    b"ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+    b"element face 1\nproperty list uchar int vertex_indices\nproperty list uchar float texcoord\nend_header\n"
+    b"0 0 0\n1 0 0\n0 1 0\n3 0 1 2 6 0 0 1 0 0 1\n"
+)
+
+
+def tiff(pixels, **kw):
+    file = io.BytesIO()
+    tifffile.imwrite(file, pixels, **kw)
+    return file.getvalue()
+
+
+def saved(kind, **kw):
+    file = io.BytesIO()
+    Image.fromarray(picture()).save(file, kind, **kw)
+    return file.getvalue()
+
+
+MESHES = {
+    "obj": (read_obj, obj_text(SCAN)[0].encode()),
+    "ascii ply": (read_ply, ASCII_PLY),
+    "binary ply": (read_ply, b"".join(ply_parts(SCAN.mesh.points, of_triangles(SCAN.mesh.faces, UV)))),
+    "glb": (read_gltf, glb_bytes(SCAN.mesh.points, SCAN.mesh.faces, UV, jpeg_bytes(SCAN.photo))),
+}
+PHOTOS = {
+    "jpeg": jpeg_bytes(picture()),
+    "png": png_bytes(picture()),
+    "16 bit png": png_bytes(picture(dtype=np.uint16)),
+    "tiff": saved("TIFF", compression="tiff_lzw"),
+    "16 bit tiff": tiff(picture(dtype=np.uint16), photometric="rgb"),
+    "16 bit tiff in planes": tiff(
+        np.moveaxis(picture(dtype=np.uint16), 2, 0).copy(), photometric="rgb", planarconfig=2
+    ),
+    "webp": saved("WEBP"),
+    "bmp": saved("BMP"),
+    "jpeg 2000": saved("JPEG2000"),
+    "ppm": saved("PPM"),
+}
+
+
+@st.composite
+def damaged(draw, data):
+    """A file with some bytes changed, lost, doubled or cut off; the first ones most often."""
+    data = bytearray(data)
+    for _ in range(draw(st.integers(1, 4))):
+        length = len(data)
+        reach = draw(st.sampled_from([60, 600, length]))
+        at = draw(st.integers(0, max(0, min(reach, length) - 1)))
+        match draw(st.sampled_from(["change", "number", "cut", "lose", "double", "insert"])):
+            case "change" if length:
+                data[at] = draw(st.integers(0, 255))
+            case "number":
+                data[at : at + 4] = draw(st.sampled_from([b"\xff\xff\xff\xff", b"\0\0\0\0", b"9999", b"-1 .", b"nan "]))
+            case "cut":
+                del data[at:]
+            case "lose":
+                del data[at : at + draw(st.integers(1, 40))]
+            case "double":
+                data[at:at] = data[at : at + 20]
+            case "insert":
+                data[at:at] = draw(st.binary(max_size=8))
+    return bytes(data)
+
+
+def read_or_refused(read, *args):
+    """What was read, or None where it was refused in one sentence; any other error goes through."""
+    try:
+        return read(*args)
+    except InputError as problem:
+        sentence = str(problem)
+    assert "\n" not in sentence
+    return None
+
+
+quick = settings(max_examples=150, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
+
+
+@pytest.mark.parametrize("kind", MESHES)
+@quick
+@given(data=st.data())
+def test_damaged_meshes(kind, data):
+    read, good = MESHES[kind]
+    mesh = read_or_refused(read, Path("sheet"), data.draw(damaged(good)))
+    if mesh is not None:
+        assert mesh.polygons.corners.min() >= 0
+        assert mesh.polygons.corners.max() < len(mesh.points)
+        assert len(triangulate(mesh.points, mesh.polygons)) >= 1
+
+
+@pytest.mark.parametrize("kind", PHOTOS)
+@quick
+@given(data=st.data())
+def test_damaged_photos(kind, data):
+    photo = read_or_refused(decode_photo, "photo", data.draw(damaged(PHOTOS[kind])))
+    if photo is not None:
+        assert photo.pixels.ndim == 3
+        assert photo.pixels.shape[2] == 3
+        assert photo.pixels.dtype in (np.uint8, np.uint16)
+
+
+@quick
+@given(data=st.data())
+def test_damaged_grids(data):
+    read_or_refused(decode_grid, "x.tif", data.draw(damaged(tiff(picture()[..., 0].astype(np.float32)))))
+
+
+@quick
+@given(data=st.data())
+def test_damaged_cameras(data, tmp_path_factory):
+    good = json.dumps(camera_as_json(camera_above())).encode()
+    path = tmp_path_factory.getbasetemp() / "camera.json"
+    path.write_bytes(data.draw(damaged(good)) or b" ")
+    camera = read_or_refused(read_camera, path)
+    assert camera is None or camera.matrix.shape == (3, 3)
+
+
+@pytest.mark.parametrize("read", [read_obj, read_ply, read_gltf])
+@quick
+@given(data=st.binary(max_size=300))
+def test_random_bytes(read, data):
+    starts = {read_obj: b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 ", read_ply: b"ply\nformat ", read_gltf: b"glTF\2\0\0\0"}
+    for content in (data, starts[read] + data):
+        read_or_refused(read, Path("sheet"), content)
