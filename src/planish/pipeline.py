@@ -63,9 +63,9 @@ def restore(scan: Scan, settings: RestoreSettings | None = None, progress: Progr
                 binary = binarize(rendered.page, s.binarize)
     with stage("measure"):
         warnings = [*cleaned.warnings, *flat.warnings]
-        report = account(scan, cleaned, flat, _page_report(flat, rendered), s.flatten, stage.seconds, warnings)
+        report = account(scan, cleaned, flat, _page_report(flat, rendered), stage.seconds, warnings)
     report = replace(report, seconds=stage.seconds, seconds_total=sum(stage.seconds.values()))
-    flat = replace(flat, page_xy=to_file_order(cleaned, scan.mesh.points, flat.page_xy))
+    flat = _in_file_order(cleaned, scan, flat)
     return Restoration(flat, rendered.page if rendered else None, None, binary, report)
 
 
@@ -112,11 +112,7 @@ def flatten(
     cleaned = clean(Scan(sheet))
     flat = lay_flat(cleaned.scan.mesh, cleaned.topology, settings, progress)
     flat = _the_right_way_round(cleaned, flat, "auto")
-    return replace(
-        flat,
-        page_xy=to_file_order(cleaned, sheet.points, flat.page_xy),
-        warnings=(*cleaned.warnings, *flat.warnings),
-    )
+    return replace(_in_file_order(cleaned, Scan(sheet), flat), warnings=(*cleaned.warnings, *flat.warnings))
 
 
 @dataclass
@@ -156,6 +152,11 @@ def _the_right_way_round(cleaned: Cleaned, flat: Flattening, rotate: Rotation) -
     if rotate not in ("auto", "0"):
         page_xy, size = turned(page_xy, float(rotate))
     return replace(flat, page_xy=page_xy, size_mm=size)
+
+
+def _in_file_order(cleaned: Cleaned, scan: Scan, flat: Flattening) -> Flattening:
+    values = to_file_order(cleaned, scan.mesh.points, np.c_[flat.page_xy, flat.error_mm, flat.local_strain])
+    return replace(flat, page_xy=values[:, :2], error_mm=values[:, 2], local_strain=values[:, 3])
 
 
 def _page_report(flat: Flattening, rendered: Rendered | None) -> PageReport:

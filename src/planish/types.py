@@ -148,7 +148,7 @@ class Flattening:
     size_mm : (float, float)
         Width and height of the page.
     outcome : Outcome
-    method : str
+    method, lengths : str
     solved_points : int
         How many points the solver itself moved; fewer than n after decimation.
     iterations : int
@@ -158,8 +158,14 @@ class Flattening:
         Greatest height above the plane, through the solving; empty for methods that never leave the plane.
     strain : (float, float)
         Root mean square and greatest relative error of the edges against the rest lengths used.
+    error_mm : (n,) float64 [mm]
+        Expected distance of every point from its true place, see `planish.flatten.expected`.
+    local_strain : (n,) float64
+        Root mean square strain of the edges around every point.
     noise_mm : float or None
         Typical standard deviation of the scanner's noise, where it was measured.
+    overlaps : int
+        Faces that lie over other parts of the page.
     passed_points : int
         That went through another layer of the sheet on the way down (verlet).
     warnings : tuple of str
@@ -169,12 +175,16 @@ class Flattening:
     size_mm: tuple[float, float]
     outcome: Outcome
     method: str
+    lengths: str
     solved_points: int
     iterations: int
     residuals: Floats
     heights: Floats
     strain: tuple[float, float]
+    error_mm: Floats
+    local_strain: Floats
     noise_mm: float | None = None
+    overlaps: int = 0
     passed_points: int = 0
     warnings: tuple[str, ...] = ()
 
@@ -249,8 +259,12 @@ class FlattenReport:
         Sander's, over all faces of the scan; 1 is perfect.
     flipped_faces : int
         Of the scan, with their back up on the page.
+    overlaps : int
+        Faces of the scan that lie over other parts of the page.
     passed_points : int
         Of the solver, that went through another layer of the sheet on the way down (verlet).
+    expected_error_mm : float
+        Rms distance of the scan's points from their true places on the page, as far as strain and noise tell.
     """
 
     method: str
@@ -264,7 +278,9 @@ class FlattenReport:
     stretch_l2: float
     stretch_linf: float
     flipped_faces: int
+    overlaps: int
     passed_points: int
+    expected_error_mm: float
 
 
 @dataclass(frozen=True)

@@ -81,9 +81,10 @@ def restore(
         tell("read", 0.0)
         found = read_scan(scan, photo=photo, camera=camera, units=units)
         if found.scan.photo is None:
+            why = "".join(f"; {warning}" for warning in found.warnings)
             raise InputError(
-                f"{scan} came without a photo, so there is nothing to draw; give --photo, or use `planish flatten` for "
-                "the geometry alone"
+                f"{scan} came without a photo that can be drawn{why}; give --photo, or use `planish flatten` for the "
+                "geometry alone"
             )
         read = perf_counter() - start
         done = restore_scan(found.scan, settings, tell)

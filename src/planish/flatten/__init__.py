@@ -7,8 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from planish.flatten.expected import chords_shortfall, expected_error
 from planish.flatten.frame import direction_of_growth, place_on_page, to_page_frame, turned
 from planish.flatten.multigrid import relax
+from planish.flatten.overlaps import overlaps
 from planish.flatten.verlet import settle
 from planish.mesh import Topology, carry, stand_on_table, subsample, topology
 from planish.settings import FlattenSettings
@@ -59,22 +61,32 @@ def flatten(
     coarse = subsample(mesh, topo, count) if count < len(mesh.points) else None
     sheet = mesh if coarse is None else coarse.mesh
     sheet_topo = topo if coarse is None else topology(sheet.faces, len(sheet.points))
-    sticks = make_sticks(sheet, sheet_topo, s.lengths)
+    # Between points kept far apart there is next to no noise, but true bends that smoothing would take away.
+    lengths = "unfolded" if coarse is not None and s.lengths == "smooth" else s.lengths
+    sticks = make_sticks(sheet, sheet_topo, lengths)
     solve = _by_verlet if s.method == "verlet" else _by_multigrid
     solved = solve(sheet, sheet_topo, sticks, s, progress)
     flat = solved.xy if coarse is None else carry(coarse, mesh.points, solved.xy)
+    error, local_strain = expected_error(solved.xy, sticks)
+    if coarse is not None:
+        error = np.hypot(error, chords_shortfall(sheet, sheet_topo))[coarse.nearest]
+        local_strain = local_strain[coarse.nearest]
     page_xy, size = place_on_page(flat * [1.0, -1.0])  # y runs down on the page
     return Flattening(
         page_xy=page_xy,
         size_mm=size,
         outcome=solved.outcome,
         method=s.method,
+        lengths=lengths,
         solved_points=len(sheet.points),
         iterations=len(solved.residuals),
         residuals=solved.residuals,
         heights=solved.heights,
         strain=strain(solved.xy, sticks.pairs[: sticks.edges], sticks.rest[: sticks.edges]),
         noise_mm=None if sticks.noise_mm is None else float(np.median(sticks.noise_mm)),
+        error_mm=error,
+        local_strain=local_strain,
+        overlaps=overlaps(mesh.faces, page_xy, topo),
         passed_points=solved.passed_points,
         warnings=solved.warnings,
     )

@@ -13,12 +13,17 @@ from numba import njit
 from numpy.typing import NDArray
 
 from planish.flatten.crew import Crew
+from planish.flatten.lengths import median_edge
 from planish.mesh import Topology
 from planish.mesh.adjacency import faces_around
 from planish.types import Floats, Ints
 
 RADIUS = 26
 """Faces from a cluster's first face to its rim, at most."""
+
+SHORT = 0.02
+"""Edges shorter than this part of the median are not built upon: they tell no direction. Almost every face has a
+longer one; the few that do not become clusters of their own."""
 
 CLOSED = -1.0
 """Weight of a place that is settled."""
@@ -56,7 +61,8 @@ def lay_out_clusters(faces: Ints, topology: Topology, edge_rest: Floats, point_c
     point_count : int
     run : Crew
     """
-    label, hops, base, count = _grow(topology.face_edges, topology.edge_faces, RADIUS)
+    passable = edge_rest > SHORT * median_edge(edge_rest)
+    label, hops, base, count = _grow(topology.face_edges, topology.edge_faces, edge_rest, passable, RADIUS)
     row, order = _rows(label, hops, count, RADIUS)
     start, cluster = _copies(*faces_around(faces, point_count), label)
     place = np.zeros((len(cluster), 2))
@@ -69,10 +75,10 @@ def lay_out_clusters(faces: Ints, topology: Topology, edge_rest: Floats, point_c
 
 
 @njit(cache=True, nogil=True)
-def _grow(face_edges, edge_faces, radius):  # type: ignore[no-untyped-def]
+def _grow(face_edges, edge_faces, rest, passable, radius):  # type: ignore[no-untyped-def]
     """Cluster of each face, that of the nearest first face; the steps from there; the edge of the last of them.
 
-    First faces are taken wherever none is within `radius` steps over edges.
+    First faces are taken wherever none is within `radius` steps over edges; their base is their longest side.
     """
     m = len(face_edges)
     label = np.full(m, -1, np.int32)
@@ -84,7 +90,7 @@ def _grow(face_edges, edge_faces, radius):  # type: ignore[no-untyped-def]
         if label[first] >= 0:
             continue
         label[first] = count
-        base[first] = face_edges[first, 0]
+        base[first] = face_edges[first, np.argmax(rest[face_edges[first]])]
         hops[first] = 0
         queue[0] = first
         head, tail = 0, 1
@@ -94,7 +100,8 @@ def _grow(face_edges, edge_faces, radius):  # type: ignore[no-untyped-def]
             for k in range(3):
                 e = face_edges[f, k]
                 g = edge_faces[e, 0] + edge_faces[e, 1] - f
-                if g >= 0 and hops[g] > hops[f] + 1:  # takes over faces that are nearer here than to their own first
+                # Faces that are nearer here than to the first face of their own cluster are taken over.
+                if g >= 0 and passable[e] and hops[g] > hops[f] + 1:
                     hops[g] = hops[f] + 1
                     label[g] = count
                     base[g] = e

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from planish.flatten.crew import Crew
 from planish.flatten.energy import Net, stiffness
+from planish.flatten.lengths import median_edge
 from planish.flatten.patches import Patches, make_patches, solve_patches
 from planish.types import Floats, Ints
 
@@ -43,10 +44,6 @@ DAMPING = 0.05
 
 FEW = 1500
 """Cells that hold some of the sheet on the level that is solved outright, at most: milliseconds to factor."""
-
-SAMPLE = 10_001
-"""Edges that the median is taken of."""
-
 
 class Preconditioner(NamedTuple):
     """What takes forces to steps.
@@ -70,11 +67,6 @@ class Preconditioner(NamedTuple):
     block: Float32s
     kappa: tuple[Float32s, ...]
     patches: Patches
-
-
-def median_edge(edge_rest: Floats) -> float:
-    """Median length [mm] of edges, of a sample where there are many."""
-    return float(np.median(edge_rest[:: len(edge_rest) // SAMPLE + 1]))
 
 
 def make_preconditioner(net: Net, edges: int, xy: Floats, run: Crew) -> Preconditioner:

@@ -31,8 +31,7 @@ STILL = 1e-3
 
 
 HINGED = 1e-10
-"""Share of the diagonal added, as a cluster that hangs on by a single point can turn freely. The same share takes the
-roots out of the equations."""
+"""Share of the greatest stiffness added to all, as a cluster that hangs on by a single point can turn freely."""
 
 
 class Joints(NamedTuple):
@@ -196,9 +195,9 @@ def _gauss_newton_step(joints: Joints, rho: Complex, tau: Complex, roots: Ints) 
     a, b = joints.pairs.T
     rows, columns = np.concatenate([np.arange(count), a, b]), np.concatenate([np.arange(count), b, a])
     diagonal = blocks[:count, [0, 1, 2], [0, 1, 2]]
-    diagonal *= 1 + HINGED
-    diagonal[:, 0] += HINGED * (diagonal[:, 0].max() or 1.0)
-    diagonal[roots] *= 1 / HINGED
+    greatest = np.where(diagonal.max(0) > 0, diagonal.max(0), 1.0)
+    diagonal += HINGED * greatest
+    diagonal[roots] += greatest
     blocks[:count, [0, 1, 2], [0, 1, 2]] = diagonal
     matrix = _block_matrix(rows, columns, blocks, count)
     step = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})

@@ -9,7 +9,8 @@ import numpy as np
 
 from planish.flatten.crew import Crew, crew
 from planish.flatten.energy import make_net
-from planish.flatten.grid import make_preconditioner, median_edge
+from planish.flatten.grid import make_preconditioner
+from planish.flatten.lengths import median_edge
 from planish.flatten.minimise import minimise
 from planish.flatten.overlaps import overlaps
 from planish.flatten.pieces import as_seen, bring_together, lay_apart, number_pieces
@@ -21,6 +22,10 @@ from planish.types import Floats, Ints, Mesh, Outcome, Sticks
 
 CRUSHED = 0.05
 """Rms relative error of the sticks from which on a sheet is not what was scanned any more."""
+
+MANY, FEW = 100_000, 1_000
+"""With more points than this the tolerance is what the settings say, with fewer it falls in proportion: steps cost
+next to nothing then, and a coarse mesh shows its strain more. With fewer still it stays a hundredth."""
 
 APART = 0.03
 """Room between pieces that lie apart, in the side of the sheet."""
@@ -123,7 +128,7 @@ def _bring_to_rest(
 ) -> tuple[Floats, Outcome, Floats]:
     net = make_net(sticks, run)
     preconditioner = make_preconditioner(net, sticks.edges, xy, run)
-    still = settings.tolerance * side
+    still = settings.tolerance * side * np.clip(len(xy), FEW, MANY) / MANY
     return minimise(
         net, xy, preconditioner, max_steps=settings.max_steps, still_mm=still, run=run, progress=progress
     )

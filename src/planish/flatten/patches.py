@@ -38,12 +38,18 @@ class Patches(NamedTuple):
         Nodes at the lower left, lower right, upper left and upper right of each patch.
     factor : SuperLU
         Of the stiffness of all nodes.
+    piece : (nodes,) int32
+        Nodes that hang together have the same number.
+    rigid : (nodes, 2, 3) float64
+        Motions of each piece as a whole, orthonormal: along x, along y, about its middle.
     """
 
     patch: Ints
     share: Floats
     corner: Ints
     factor: SuperLU
+    piece: Ints
+    rigid: Floats
 
 
 def make_patches(xy: Floats, edges: Ints, mass: Floats, low: Floats, side: float) -> Patches:
@@ -77,13 +83,21 @@ def make_patches(xy: Floats, edges: Ints, mass: Floats, low: Floats, side: float
         matrix = matrix + _long_edges(xy, far, corner[patch], share, nodes)
     matrix = (matrix + GROUND * diags_array(matrix.diagonal())).tocsc()
     factor = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-    return Patches(patch, share, corner, factor)
+    piece, rigid = _rigid_motions(cell, corner, patch[across], nodes)
+    return Patches(patch, share, corner, factor, piece, rigid)
 
 
 def solve_patches(patches: Patches, force: Floats) -> Floats:
-    """(nodes, 2) displacements of the nodes under forces (n, 2) on the points."""
-    nodes = patches.factor.shape[0] // 2
-    return patches.factor.solve(_load(patches.patch, patches.share, patches.corner, force, nodes).ravel()).reshape(-1, 2)
+    """(nodes, 2) displacements of the nodes under forces (n, 2) on the points.
+
+    Pieces do not move as a whole. The forces in a sheet have no moment where it lies now, but a little where it lay
+    when the patches were cut, and nothing holds the whole back.
+    """
+    load = _load(patches.patch, patches.share, patches.corner, force, len(patches.piece))
+    _take_out(load, patches.piece, patches.rigid)
+    broad = patches.factor.solve(load.ravel()).reshape(-1, 2)
+    _take_out(broad, patches.piece, patches.rigid)
+    return np.asarray(broad)
 
 
 @njit(cache=True, nogil=True)
@@ -179,6 +193,48 @@ def _share_corners(cell, pairs):  # type: ignore[no-untyped-def]
                 _join(parent, 4 * a + k, 4 * b + 2 * row + column)
     node, count = _number(parent)
     return node.reshape(-1, 4), count
+
+
+@njit(cache=True, nogil=True)
+def _rigid_motions(cell, corner, pairs, nodes):  # type: ignore[no-untyped-def]
+    parent = np.arange(len(cell)).astype(np.int32)
+    for p in range(len(pairs)):
+        _join(parent, pairs[p, 0], pairs[p, 1])
+    piece_of_patch, count = _number(parent)
+    piece = np.empty(nodes, np.int32)
+    at = np.empty((nodes, 2))
+    for p in range(len(cell)):
+        for k in range(4):
+            piece[corner[p, k]] = piece_of_patch[p]
+            at[corner[p, k], 0], at[corner[p, k], 1] = cell[p, 0] + k % 2, cell[p, 1] + k // 2
+    sums = np.zeros((count, 3))
+    for i in range(nodes):
+        sums[piece[i], 0] += at[i, 0]
+        sums[piece[i], 1] += at[i, 1]
+        sums[piece[i], 2] += 1.0
+    moment = np.zeros(count)
+    for i in range(nodes):
+        for d in range(2):
+            at[i, d] -= sums[piece[i], d] / sums[piece[i], 2]
+        moment[piece[i]] += at[i, 0] ** 2 + at[i, 1] ** 2
+    rigid = np.zeros((nodes, 2, 3))
+    for i in range(nodes):
+        rigid[i, 0, 0] = rigid[i, 1, 1] = 1.0 / np.sqrt(sums[piece[i], 2])
+        rigid[i, 0, 2], rigid[i, 1, 2] = -at[i, 1] / np.sqrt(moment[piece[i]]), at[i, 0] / np.sqrt(moment[piece[i]])
+    return piece, rigid
+
+
+@njit(cache=True, nogil=True)
+def _take_out(field, piece, rigid):  # type: ignore[no-untyped-def]
+    """Take the motions of whole pieces out of a field over the nodes."""
+    part = np.zeros((piece.max() + 1, 3))
+    for i in range(len(piece)):
+        for k in range(3):
+            part[piece[i], k] += field[i, 0] * rigid[i, 0, k] + field[i, 1] * rigid[i, 1, k]
+    for i in range(len(piece)):
+        for k in range(3):
+            field[i, 0] -= part[piece[i], k] * rigid[i, 0, k]
+            field[i, 1] -= part[piece[i], k] * rigid[i, 1, k]
 
 
 def _square() -> Floats:

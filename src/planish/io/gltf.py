@@ -85,6 +85,7 @@ class _Document:
         return numbers
 
 
+@np.errstate(invalid="ignore", over="ignore")  # for points that are not finite
 def read_gltf(path: Path, data: bytes) -> FileMesh:
     """Read a GLB or glTF, all meshes of its scene as one, in metres as the standard has it.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import logging
 import warnings as python_warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -39,6 +40,11 @@ FEWEST_PIXELS = 8
 _ORIENTATION = 0x0112
 _PLANAR_CONFIGURATION, _PHOTOMETRIC, _BITS_PER_SAMPLE = 284, 262, 258
 _IN_PLANES = 2
+_TIFFFILE_ALONE = ("raw", "tiff_adobe_deflate", "tiff_deflate", "packbits")
+"""Compressions that tifffile knows without further packages."""
+
+for _decoder in ("PIL", "tifffile"):  # what they log of damaged files is said in one sentence here
+    logging.getLogger(_decoder).addHandler(logging.NullHandler())
 
 
 class Photo(NamedTuple):
@@ -97,6 +103,9 @@ def decode_photo(name: str, data: bytes, *, upright: bool = False) -> Photo:
         image.load()  # finds every damage that Pillow can find
         pixels, icc = _stored_pixels(name, data, image, orientation, warnings)
         pixels, icc = _three_channels(name, pixels, icc, warnings)
+        pages = getattr(image, "n_frames", 1) if image.format == "TIFF" else 1
+    if pages > 1:
+        warnings.append(f"{name} holds {pages} pages; the first was read")
     if upright:
         pixels = _turned(pixels, orientation)
     elif orientation != 1:
@@ -104,8 +113,6 @@ def decode_photo(name: str, data: bytes, *, upright: bool = False) -> Photo:
             f"{name} asks to be shown turned (EXIF orientation {orientation}); its pixels were taken as stored, as"
             " texture coordinates and cameras count them"
         )
-    if getattr(image, "n_frames", 1) > 1 and image.format == "TIFF":
-        warnings.append(f"{name} holds {image.n_frames} pages; the first was read")  # type: ignore[attr-defined]
     return Photo(np.ascontiguousarray(pixels), icc, warnings)
 
 
@@ -161,14 +168,14 @@ def _stored_pixels(
 ) -> tuple[NDArray, bytes | None]:
     """The pixels (rows, cols[, channels]) as the file has them, not turned, and their colour profile."""
     icc = image.info.get("icc_profile") or None
+    pixels: NDArray
     turned_by_decoder = image.format == "TIFF"  # Pillow and OpenCV turn these themselves
     if image.mode.startswith("I;16"):
         pixels = _sixteen_bit_grey(image)
     elif _has_sixteen_bits(data, image):
-        pixels = _by_tifffile(data, image) if image.format == "TIFF" else None
-        turned_by_decoder &= pixels is None
-        if pixels is None:
-            pixels = _by_opencv(data)
+        known = image.format == "TIFF" and image.info.get("compression") in _TIFFFILE_ALONE
+        pixels = _by_tifffile(data, image) if known else _by_opencv(data)
+        turned_by_decoder &= not known
     else:
         eight_bit, icc = _to_rgb(name, image, icc, warnings)
         pixels = np.asarray(eight_bit)
@@ -208,12 +215,9 @@ def _by_opencv(data: bytes) -> NDArray[np.uint16]:
     return np.asarray(pixels)
 
 
-def _by_tifffile(data: bytes, image: Image.Image) -> NDArray[np.uint16] | None:
-    """16 bit pixels; None for a compression that tifffile does not know alone."""
+def _by_tifffile(data: bytes, image: Image.Image) -> NDArray[np.uint16]:
     import tifffile
 
-    if image.info.get("compression") not in ("raw", "tiff_adobe_deflate", "tiff_deflate", "packbits"):
-        return None
     pixels = tifffile.imread(io.BytesIO(data), key=0)
     return np.moveaxis(pixels, 0, -1) if _tag(image, _PLANAR_CONFIGURATION) == _IN_PLANES else pixels
 

@@ -152,12 +152,19 @@ def _first_line(text: str) -> str:
 def _materials_text(path: Path, data: bytes) -> tuple[str, list[str]]:
     """The text of all MTL files that the OBJ names, and a sentence on each that is missing."""
     texts, warnings = [], []
-    for name in re.findall(rb"^mtllib[ \t]+([^\n]*?)[ \t\r]*$", data, re.MULTILINE):
-        found = find_beside(path, name.decode("utf-8", "replace"))
+    for line in re.finditer(rb"mtllib[ \t]+([^\n]*)", data):  # not ^mtllib, which is ten times as slow to search for
+        if data[data.rfind(b"\n", 0, line.start()) + 1 : line.start()].strip():
+            continue  # a comment, or part of another word
+        name = line[1].strip().decode("utf-8", "replace")
+        found = find_beside(path, name)
         if found is None:
-            warnings.append(f"{path} names the material file {name.decode('utf-8', 'replace')}, which does not exist")
+            warnings.append(f"{path} names the material file {name}, which does not exist")
             continue
-        text = found.read_bytes()
+        try:
+            text = found.read_bytes()
+        except OSError as problem:
+            warnings.append(f"{found} cannot be read: {problem.strerror}")
+            continue
         try:
             texts.append(text.decode("utf-8"))
         except UnicodeDecodeError:

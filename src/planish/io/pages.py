@@ -222,8 +222,8 @@ def _check_pdf_size(path: Path, page: Page) -> None:
     smallest, largest = (points / _POINTS_PER_INCH * _MM_PER_INCH for points in _PDF_POINTS)
     if not smallest <= min(width, height) <= max(width, height) <= largest:
         raise OutputError(
-            f"{path}: the page is {width:.3g} x {height:.3g} mm, and those of a PDF have {smallest:.1f} to {largest:.0f}"
-            " mm a side; write .tif"
+            f"{path}: the page is {width:.3g} x {height:.3g} mm, a PDF page {smallest:.1f} to {largest:.0f} mm a side;"
+            " write .tif"
         )
 
 

@@ -61,6 +61,7 @@ class Column:
     counts: NDArray[np.int64] | None
 
 
+@np.errstate(invalid="ignore", over="ignore")  # for points that are not finite
 def read_ply(path: Path, data: bytes) -> FileMesh:
     """Read a PLY.
 

@@ -25,6 +25,7 @@ _NO_SURFACE = -1.0
 _KEEP = 255
 
 
+@np.errstate(invalid="ignore", over="ignore")  # for points that are not finite
 def read_tifxyz(path: Path) -> FileMesh:
     """Read a tifxyz folder; every cell whose four corners hold points is a face.
 

@@ -68,9 +68,9 @@ def decide_unit(points: Floats, asked: str, named: Unit | None) -> tuple[Unit, l
     --------
     >>> sheet = np.array([[0.0, 0.0, 0.0], [8.5, 11.0, 0.0]])
     >>> decide_unit(sheet, "auto", None)
-    ('in', ['the file names no unit; its numbers were taken as in, which makes it 353 mm from corner to corner; say --units ...'])
+    ('in', ['the file names no unit; its numbers were taken as in, which makes it 353 mm from ...'])
     >>> decide_unit(sheet, "mm", None)
-    ('mm', ['the sheet is 13.9 mm from corner to corner when its numbers are taken as mm; is the unit right? --units ...'])
+    ('mm', ['the sheet is 13.9 mm from corner to corner when its numbers are taken as mm; is the unit ...'])
     """
     if asked not in ("auto", *get_args(Unit)):
         raise UsageError(f"the unit must be one of auto, {', '.join(get_args(Unit))}, not {asked}")

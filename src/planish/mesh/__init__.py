@@ -3,7 +3,7 @@
 from planish.mesh.adjacency import neighbours
 from planish.mesh.carry import carry
 from planish.mesh.clean import Cleaned, clean
-from planish.mesh.measures import angle_sums, area_vectors, border_loops
+from planish.mesh.measures import angle_sums, area_vectors, border_loops, point_normals
 from planish.mesh.place import to_file_order
 from planish.mesh.projection import depths, project
 from planish.mesh.raster import rasterise
@@ -23,6 +23,7 @@ __all__ = [
     "depths",
     "neighbours",
     "project",
+    "point_normals",
     "rasterise",
     "stand_on_table",
     "subsample",

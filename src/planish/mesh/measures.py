@@ -27,6 +27,21 @@ def _area_vectors(points, faces):  # type: ignore[no-untyped-def]
     return out
 
 
+def point_normals(points: Floats, faces: Ints) -> Floats:
+    """(n, 3) unit normals: the mean direction of the faces around every point, by area."""
+    total = np.zeros((len(points), 3))
+    _gather(area_vectors(points, faces), faces, total)
+    return np.asarray(total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-300))
+
+
+@njit(cache=True)
+def _gather(values, faces, total):  # type: ignore[no-untyped-def]
+    for f in range(len(faces)):
+        for k in range(3):
+            for d in range(3):
+                total[faces[f, k], d] += values[f, d]
+
+
 def border_loops(topology: Topology) -> int:
     """How many closed lines the border of a mesh consists of: one for a sheet, one more for every hole.
 

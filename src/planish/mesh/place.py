@@ -8,30 +8,30 @@ from planish.mesh.clean import Cleaned
 from planish.types import Floats
 
 
-def to_file_order(cleaned: Cleaned, file_points: Floats, page_xy: Floats) -> Floats:
-    """Give every point of the file a place on the page.
+def to_file_order(cleaned: Cleaned, file_points: Floats, values: Floats) -> Floats:
+    """Give every point of the file its values: its place on the page, or whatever else was found for it.
 
-    Points that belong to no face of the cleaned sheet get the place of the sheet's point nearest to them in space;
-    points that are not finite get the page's origin.
+    Points that belong to no face of the cleaned sheet get the values of the sheet's point nearest to them in space;
+    points that are not finite get 0.
 
     Parameters
     ----------
     cleaned : Cleaned
     file_points : (n, 3) float64 [mm]
         As they came, before cleaning.
-    page_xy : (k, 2) float64 [mm]
+    values : (k, d) float64
         Of the points of `cleaned.scan.mesh`.
 
     Returns
     -------
-    (n, 2) float64 [mm]
+    (n, d) float64
     """
-    if len(cleaned.place) == len(page_xy) and (cleaned.place == np.arange(len(page_xy))).all():
-        return page_xy
+    if len(cleaned.place) == len(values) and (cleaned.place == np.arange(len(values))).all():
+        return values
     place = cleaned.place.copy()
     lost = np.flatnonzero((place < 0) & np.isfinite(file_points).all(axis=1))
     if len(lost):
         from scipy.spatial import cKDTree
 
         place[lost] = cKDTree(cleaned.scan.mesh.points).query(file_points[lost])[1]
-    return np.asarray(np.where(place[:, None] >= 0, page_xy[place], 0.0))
+    return np.asarray(np.where(place[:, None] >= 0, values[place], 0.0))

@@ -9,12 +9,14 @@ from numba import njit
 
 from planish.mesh import project
 from planish.render.patch import refine
-from planish.types import Floats, Ints, Scan
+from planish.types import Bools, Floats, Ints, Scan
 
 FINE_MM = 1.0
 """Faces longer than this on the page are cut into curved pieces; over 1 mm of paper no bend is seen."""
 MOST_FACES = 1_000_000
 """No finer than this many pieces in all."""
+BEYOND_PX = 1e6
+"""No photo reaches so far from its corner; places that lie there, or are not numbers, are not on it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +53,8 @@ def chart(scan: Scan, page_xy: Floats) -> Chart:
     page_xy : (n, 2) float64 [mm]
     """
     faces, page, points, photo = _split_seams(scan, page_xy)
+    if photo is not None:
+        faces, photo = _without_lost_places(faces, photo)
     pieces = _pieces_per_edge(page, faces)
     if scan.camera is not None:
         seen = project(scan.camera, points)
@@ -82,7 +86,18 @@ def _split_seams(scan: Scan, page_xy: Floats) -> tuple[Ints, Floats, Floats, Flo
     return split, page_xy[source], scan.mesh.points[source], corner_xy[first]
 
 
+def _without_lost_places(faces: Ints, photo_xy: Floats) -> tuple[Ints, Floats]:
+    """Leave out faces with a corner that has no place on any photo, and put such points in the middle of the others."""
+    good: Bools = (np.abs(photo_xy) < BEYOND_PX).all(axis=1)
+    if good.all():
+        return faces, photo_xy
+    middle = photo_xy[good].mean(axis=0) if good.any() else np.zeros(2)
+    return faces[good[faces].all(axis=1)], np.where(good[:, None], photo_xy, middle)
+
+
 def _pieces_per_edge(page_xy: Floats, faces: Ints) -> int:
+    if not len(faces):
+        return 1
     edge = np.linalg.norm(page_xy[faces] - page_xy[np.roll(faces, 1, axis=1)], axis=2)
     wanted = int(np.ceil(float(np.quantile(edge, 0.9)) / FINE_MM)) if edge.max() > 2 * FINE_MM else 1
     return max(1, min(wanted, int(np.sqrt(MOST_FACES / len(faces)))))

@@ -7,17 +7,19 @@ from numba import njit, prange
 
 from planish.types import Floats, Ints
 
-PULL = 1e-10
-"""Of a quadratic to flatness, against neighbours at weight 1 or more."""
+PULL = 1e-6
+PULL_CUBIC = 1e-3
+"""Of a fit's terms to zero, against neighbours at weight 1 or more; of its cubic terms more, so that where neighbours
+are few the lower terms explain what they can."""
 
 
 def refine(page_xy: Floats, values: Floats, faces: Ints, pieces: int) -> tuple[Floats, Floats, Ints]:
     """Cut every face into pieces**2 and interpolate what the points carry over the page, smoothly.
 
-    Around each point i a quadratic q_i runs through its value and as near as it can to those of its two rings.
-    Inside a face the three are blended by b_i = w_i^2 / (w_0^2 + w_1^2 + w_2^2), w the barycentric weights: exact at
-    the points, without kinks at the edges (b_i and its slope vanish on the edge opposite i), and exact where the
-    values are quadratic in the page.
+    Around each point i a cubic q_i runs through its value and as near as it can to those of its two rings. Inside a
+    face the three are blended by b_i = w_i^2 / (w_0^2 + w_1^2 + w_2^2), w the barycentric weights: exact at the
+    points, without kinks at the edges (b_i and its slope vanish on the edge opposite i), and exact where the values
+    are quadratic in the page, and all but exact where they are cubic.
 
     Parameters
     ----------
@@ -40,12 +42,12 @@ def refine(page_xy: Floats, values: Floats, faces: Ints, pieces: int) -> tuple[F
     >>> corner = [i for i in range(11) if i % 4 < 3]
     >>> faces = np.array([[i, i + 4, i + 1] for i in corner] + [[i + 1, i + 4, i + 5] for i in corner], np.int32)
     >>> fine, squared, _ = refine(page, page[:, :1] ** 2, faces, 2)
-    >>> bool(np.allclose(squared[:, 0], fine[:, 0] ** 2))
+    >>> bool(np.allclose(squared[:, 0], fine[:, 0] ** 2, atol=1e-3))
     True
     """
-    quadratics = _quadratics(page_xy, values, *_rings(faces, len(page_xy)))
+    cubics = _cubics(page_xy, values, *_rings(faces, len(page_xy)))
     weights, small = _grid_of(pieces)
-    fine, carried = _blend(page_xy, values, quadratics, faces, weights)
+    fine, carried = _blend(page_xy, values, cubics, faces, weights)
     first = np.arange(len(faces), dtype=np.int32) * len(weights)
     fine_faces = (first[:, None, None] + small[None]).reshape(-1, 3)
     return fine.reshape(-1, 2), carried.reshape(-1, values.shape[1]), fine_faces.astype(np.int32)
@@ -75,13 +77,13 @@ def _rings(faces: Ints, count: int) -> tuple[Ints, Ints]:
 
 
 @njit(cache=True, parallel=True)
-def _quadratics(page, values, start, ring):  # type: ignore[no-untyped-def]
-    """(n, 5, d): slopes in x and y, then the terms of x^2, xy, y^2; weights fall off as 1 / distance^2.
+def _cubics(page, values, start, ring):  # type: ignore[no-untyped-def]
+    """(n, 9, d): factors of the terms of `_terms`; neighbours weigh 1 / distance^2.
 
-    A plane is fitted first and the quadratic to what it leaves, so that a flat map stays exactly flat.
+    A plane is fitted first and the cubic to what it leaves, so that a flat map stays flat where neighbours are few.
     """
     d = values.shape[1]
-    found = np.zeros((len(page), 5, d))
+    found = np.zeros((len(page), 9, d))
     for i in prange(len(page)):
         near = ring[start[i] : start[i + 1]]
         reach = 0.0
@@ -89,23 +91,28 @@ def _quadratics(page, values, start, ring):  # type: ignore[no-untyped-def]
             reach = max(reach, np.hypot(page[j, 0] - page[i, 0], page[j, 1] - page[i, 1]))
         if reach == 0:
             continue
-        terms, left = np.empty((len(near), 5)), np.empty((len(near), d))
+        terms, left, term = np.empty((len(near), 9)), np.empty((len(near), d)), np.empty(9)
         for k in range(len(near)):
             j = near[k]
-            x, y = (page[j, 0] - page[i, 0]) / reach, (page[j, 1] - page[i, 1]) / reach
-            terms[k, 0], terms[k, 1], terms[k, 2], terms[k, 3], terms[k, 4] = x, y, x * x, x * y, y * y
-            for s in range(d):
-                left[k, s] = values[j, s] - values[i, s]
+            _terms((page[j, 0] - page[i, 0]) / reach, (page[j, 1] - page[i, 1]) / reach, terms[k])
+            left[k] = values[j] - values[i]
         plane = _fitted(terms, left, 2)
         for k in range(len(near)):
-            for s in range(d):
-                left[k, s] -= terms[k, 0] * plane[0, s] + terms[k, 1] * plane[1, s]
-        more = _fitted(terms, left, 5)
-        for s in range(d):
-            for r in range(5):
-                plain = plane[r, s] if r < 2 else 0.0
-                found[i, r, s] = (plain + more[r, s]) / (reach if r < 2 else reach * reach)
+            left[k] -= terms[k, 0] * plane[0] + terms[k, 1] * plane[1]
+        found[i] = _fitted(terms, left, 9)
+        found[i, :2] += plane
+        _terms(1 / reach, 1 / reach, term)
+        for r in range(9):
+            found[i, r] *= term[r]
     return found
+
+
+@njit(cache=True)
+def _terms(x, y, terms):  # type: ignore[no-untyped-def]
+    """Fill in x, y, then the three products of two and the four of three."""
+    terms[0], terms[1] = x, y
+    terms[2], terms[3], terms[4] = x * x, x * y, y * y
+    terms[5], terms[6], terms[7], terms[8] = x * x * x, x * x * y, x * y * y, y * y * y
 
 
 @njit(cache=True)
@@ -113,6 +120,8 @@ def _fitted(terms, values, count):  # type: ignore[no-untyped-def]
     """Weighted least squares by the first terms; a little pull to zero decides what too few neighbours leave open."""
     d = values.shape[1]
     left, right = PULL * np.eye(count), np.zeros((count, d))
+    for r in range(5, count):
+        left[r, r] = PULL_CUBIC
     for k in range(len(terms)):
         square = terms[k, 0] ** 2 + terms[k, 1] ** 2
         weight = 1 / square if square > 0 else 0.0  # the point itself is met exactly, whatever the slopes
@@ -125,22 +134,22 @@ def _fitted(terms, values, count):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, parallel=True)
-def _blend(page, values, quadratics, faces, weights):  # type: ignore[no-untyped-def]
+def _blend(page, values, cubics, faces, weights):  # type: ignore[no-untyped-def]
     k, d = len(weights), values.shape[1]
     fine, carried = np.empty((len(faces), k, 2)), np.zeros((len(faces), k, d))
     for f in prange(len(faces)):
+        terms = np.empty(9)
         for p in range(k):
             w = weights[p]
             total = w[0] ** 2 + w[1] ** 2 + w[2] ** 2
-            x0, y0 = 0.0, 0.0
+            for c in range(2):
+                fine[f, p, c] = w[0] * page[faces[f, 0], c] + w[1] * page[faces[f, 1], c] + w[2] * page[faces[f, 2], c]
             for c in range(3):
-                x0 += w[c] * page[faces[f, c], 0]
-                y0 += w[c] * page[faces[f, c], 1]
-            fine[f, p, 0], fine[f, p, 1] = x0, y0
-            for c in range(3):
-                i = faces[f, c]
-                x, y, q, b = x0 - page[i, 0], y0 - page[i, 1], quadratics[i], w[c] ** 2 / total
+                i, b = faces[f, c], w[c] ** 2 / total
+                _terms(fine[f, p, 0] - page[i, 0], fine[f, p, 1] - page[i, 1], terms)
                 for s in range(d):
-                    bend = q[2, s] * x * x + q[3, s] * x * y + q[4, s] * y * y
-                    carried[f, p, s] += b * (values[i, s] + q[0, s] * x + q[1, s] * y + bend)
+                    bend = 0.0
+                    for r in range(9):
+                        bend += cubics[i, r, s] * terms[r]
+                    carried[f, p, s] += b * (values[i, s] + bend)
     return fine, carried

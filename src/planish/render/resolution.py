@@ -14,6 +14,7 @@ from planish.render.visibility import least_singular
 from planish.types import Floats, Ints
 
 CELL_MM = 1.0
+MOST_CELLS = 1_000_000
 USUAL_DPI = (72, 100, 150, 200, 300, 400, 600, 800, 1200)
 
 
@@ -24,7 +25,7 @@ class Resolution:
     Attributes
     ----------
     ppi : (rows, cols) float32 [1 / inch]
-        Over the page, a value every millimetre; NaN where the photo did not see it.
+        Over the page, a value every millimetre (on huge pages fewer); NaN where the photo did not see it.
     median_ppi, low_ppi : float
         Median and 10 % quantile over the area that was seen.
     """
@@ -51,8 +52,9 @@ def resolution(sheet: Chart, faces: Ints, size_mm: tuple[float, float], photo_sh
     InputError
         Where no part of the page falls on the photo.
     """
-    cols, rows = (max(1, round(mm / CELL_MM)) for mm in size_mm)
-    face, w = rasterise(sheet.page_xy / CELL_MM - 0.5, faces, (rows, cols))
+    cell_mm = max(CELL_MM, (size_mm[0] * size_mm[1] / MOST_CELLS) ** 0.5)
+    cols, rows = (max(1, round(mm / cell_mm)) for mm in size_mm)
+    face, w = rasterise(sheet.page_xy / cell_mm - 0.5, faces, (rows, cols))
     fewest = 25.4 * least_singular(sheet.jacobian)
     ppi = np.where(face >= 0, _carry(fewest[:, None], faces, face, w)[..., 0], np.nan)
     at = _carry(sheet.photo_xy, faces, face, w)

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from planish import __version__
 from planish.mesh import Cleaned
 from planish.report.measures import flipped_faces, stretch
-from planish.settings import FlattenSettings
 from planish.sticks import distances, strain
 from planish.types import Flattening, FlattenReport, Outcome, PageReport, Report, Scan, ScanReport
+
+
+STRETCHED = 0.01
+"""Paper stretches by some tenths of a percent. What is farther from its lengths is no sheet there, or badly scanned."""
 
 
 def account(
@@ -15,7 +20,6 @@ def account(
     cleaned: Cleaned,
     flat: Flattening,
     page: PageReport,
-    settings: FlattenSettings,
     seconds: dict[str, float],
     warnings: list[str],
 ) -> Report:
@@ -30,7 +34,6 @@ def account(
     flat : Flattening
         Of the points of `cleaned.scan.mesh`.
     page : PageReport
-    settings : FlattenSettings
     seconds : dict
         Per stage; "flatten" is the time from the mesh in memory to every point's place on the page.
     warnings : list of str
@@ -44,6 +47,15 @@ def account(
         said.append(
             f"{flipped:,} of {len(mesh.faces):,} faces lie on the page with their back up; the page is torn there"
         )
+    worst = int(np.argmax(flat.local_strain))
+    if flat.local_strain[worst] > STRETCHED:
+        x, y = flat.page_xy[worst]
+        said.append(
+            f"the surface does not lie flat everywhere: around {x:.0f} mm from the left and {y:.0f} mm from the top of "
+            f"the page its edges are {100 * flat.local_strain[worst]:.1f} % (rms) from their lengths"
+        )
+    if flat.overlaps:
+        said.append(f"{flat.overlaps:,} faces lie over other parts of the page; what is under them is not seen")
     return Report(
         version=__version__,
         outcome=flat.outcome.value,
@@ -59,7 +71,7 @@ def account(
         ),
         flatten=FlattenReport(
             method=flat.method,
-            lengths=settings.lengths,
+            lengths=flat.lengths,
             points=flat.solved_points,
             iterations=flat.iterations,
             seconds=seconds["flatten"],
@@ -69,7 +81,9 @@ def account(
             stretch_l2=l2,
             stretch_linf=linf,
             flipped_faces=flipped,
+            overlaps=flat.overlaps,
             passed_points=flat.passed_points,
+            expected_error_mm=float(np.sqrt(np.mean(flat.error_mm**2))),
         ),
         page=page,
         warnings=said,

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from planish.mesh import area_vectors, rasterise
+from planish.mesh import point_normals, rasterise
 from planish.types import Bools, Floats, Ints, Pixels
 
 BACKGROUND = np.array([250, 250, 248], np.uint8)
@@ -44,7 +44,7 @@ def relief(points: Floats, faces: Ints, *, height: int = 900, tilt: float = 50.0
     face, w = rasterise(xy, faces, (height, width), nearness=towards)
     picture = np.tile(BACKGROUND, (height, width, 1))
     seen = face >= 0
-    normals = _point_normals(points, faces)
+    normals = point_normals(points, faces)
     corners, b = faces[face[seen]], w[seen]
     weights = np.c_[1 - b.sum(axis=1), b]
     normal = np.einsum("pk,pkd->pd", weights, normals[corners])
@@ -95,12 +95,3 @@ def _eight_bit(picture: Pixels | Bools) -> NDArray[np.uint8]:
     scale = {np.dtype(bool): 255.0, np.dtype(np.uint16): 1 / 257}.get(picture.dtype, 1.0)
     eight = picture if picture.dtype == np.uint8 else (picture * scale).astype(np.uint8)
     return np.asarray(eight if eight.ndim == 3 else np.repeat(eight[..., None], 3, axis=2), np.uint8)
-
-
-def _point_normals(points: Floats, faces: Ints) -> Floats:
-    """(n, 3) mean direction of the faces around every point, by area."""
-    vectors = area_vectors(points, faces)
-    normals = np.stack(
-        [sum(np.bincount(faces[:, k], vectors[:, d], len(points)) for k in range(3)) for d in range(3)], axis=1
-    )
-    return np.asarray(normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12))

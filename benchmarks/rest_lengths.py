@@ -1,0 +1,199 @@
+"""Rest lengths judged alone: how far a page would be out if its sticks were solved perfectly.
+
+    python benchmarks/rest_lengths.py [SHEET ...] [--noise KIND ...]
+
+Pieces of the gallery's sheets, about 60,000 points 0.5 mm apart, are scanned virtually with several kinds of noise.
+The sticks' energy is minimised from the true layout, so that no solver's fault shows, and the layout is compared with
+the truth of every point (rigid fit, no scaling). `floor` is what lengths along the true surface between the feet of
+the noisy points would give: the feet's own distance from the truth, which no lengths can undo.
+Prints a Markdown table; a few minutes. White, correlated (Gaussian, so many pixels wide) and growing noise (from 0.02 to
+0.15 mm across the sheet) lie along the scanner's rays; `delaunay` is a random mesh with slivers and noise in all
+directions. Seconds are of a second run.
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import dataclass
+from time import perf_counter
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse.linalg import SuperLU, splu
+
+from machine import machine
+from planish.gallery import Sheet, sheet, sheet_mesh, virtual_scan
+from planish.mesh import Topology, topology
+from planish.sticks import distances, make_sticks, smooth_lengths, unfolded_distance
+from planish.types import Mesh, Page
+from truth import rigid_rms
+
+SPACING_MM = 0.5
+
+SHEETS = {
+    "book": sheet("book", width_mm=130.0, height_mm=110.0),
+    "spread": sheet("spread", width_mm=150.0, height_mm=100.0),
+    "wave": sheet("wave", width_mm=110.0, height_mm=140.0, waves=1.5),
+    "letter": sheet("letter", width_mm=110.0, height_mm=140.0),
+    "letter, folds of 1.5 mm radius": sheet("letter", width_mm=110.0, height_mm=140.0, radius_mm=1.5),
+    "miura": sheet("miura", width_mm=110.0, height_mm=140.0, cells=(3.0, 3.0)),
+    "curl": sheet("curl", width_mm=110.0, height_mm=140.0, length_mm=80.0),
+    "crumpled": sheet("crumpled", width_mm=110.0, height_mm=140.0, folds=6),
+    "roll": sheet("roll", width_mm=90.0, height_mm=280.0),
+}
+
+NOISE: dict[str, dict] = {
+    "none": {},
+    "white 0.05": {"noise_mm": 0.05},
+    "white 0.07": {"noise_mm": 0.07},
+    "white 0.2": {"noise_mm": 0.2},
+    "1 px, 0.07": {"noise_mm": 0.07, "noise_correlation_px": 1.0},
+    "3 px, 0.07": {"noise_mm": 0.07, "noise_correlation_px": 3.0},
+    "0.02 to 0.15": {"noise_mm": (0.02, 0.15)},
+    "delaunay 0": {"layout": "delaunay"},
+    "delaunay 0.05": {"layout": "delaunay", "noise_mm": 0.05},
+}
+
+
+@dataclass
+class Case:
+    mesh: Mesh
+    topology: Topology
+    truth_xy: np.ndarray
+    feet_xy: np.ndarray
+
+
+def scanned(paper: Sheet, layout: str = "range", **noise) -> Case:
+    """A roll has an inside that no scanner sees; its range image is laid over it by force."""
+    points = int(paper.width_mm * paper.height_mm / SPACING_MM**2)
+    if layout == "delaunay" or paper.name == "roll":
+        mesh, truth_xy = sheet_mesh(paper, points, layout=layout, rng=1, **noise)
+    else:
+        shape = round(paper.height_mm), round(paper.width_mm)
+        blank = Page(np.full(shape, 255, np.uint8), np.ones(shape, bool), 25.4)
+        made = virtual_scan(paper, points=points, photo_px=None, printed=(blank, ""), rng=1, **noise)
+        mesh, truth_xy = made.scan.mesh, made.truth_xy
+    feet_xy = feet(paper, truth_xy, mesh.points) if noise else truth_xy
+    return Case(mesh, topology(mesh.faces, len(mesh.points)), truth_xy, feet_xy)
+
+
+def feet(paper: Sheet, start_xy: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Places on the page whose points of the sheet are nearest to the given ones.
+
+    As the sheet keeps lengths, its tangents are orthonormal and the distance along them is the step to take; where a
+    crease stops that, a shrinking pattern of steps goes on.
+    """
+
+    def distance(xy, which):
+        return np.linalg.norm(paper.bend(xy) - points[which], axis=1)
+
+    def slope(xy):
+        shift = 1e-5 * np.eye(2)
+        off = points - paper.bend(xy)
+        return np.stack([((paper.bend(xy + s) - paper.bend(xy - s)) / 2e-5 * off).sum(axis=1) for s in shift], axis=1)
+
+    xy = start_xy.copy()
+    for _ in range(10):
+        xy += np.clip(0.95 * slope(xy), -0.3, 0.3)
+    every = np.arange(len(xy))
+    lost = np.flatnonzero(
+        (distance(xy, every) > distance(start_xy, every) + 1e-9) | (np.abs(slope(xy)).max(axis=1) > 1e-3)
+    )
+    pattern = np.stack(np.meshgrid(*[np.linspace(-1, 1, 7)] * 2), axis=-1).reshape(-1, 2)
+    for reach in 0.5 * 0.45 ** np.arange(14):
+        tried = np.stack([distance(xy[lost] + reach * step, lost) for step in pattern])
+        xy[lost] += reach * pattern[tried.argmin(axis=0)]
+    return xy
+
+
+def solved(case: Case, pairs: np.ndarray, rest: np.ndarray, factor: SuperLU, rounds: int = 4) -> np.ndarray:
+    """The layout of least squares, sum of (l - rest)^2, from the true one, by Newton steps with the matrix there."""
+    x = case.truth_xy.copy()
+    rigid = rigid_motions(x)
+    for _ in range(rounds):
+        d = x[pairs[:, 1]] - x[pairs[:, 0]]
+        length = np.maximum(np.linalg.norm(d, axis=1), 1e-9)
+        pull = (1 - rest / length)[:, None] * d
+        gradient = np.stack(
+            [
+                np.bincount(pairs[:, 1], pull[:, k], len(x)) - np.bincount(pairs[:, 0], pull[:, k], len(x))
+                for k in (0, 1)
+            ],
+            axis=1,
+        )
+        step = factor.solve(gradient.ravel())
+        x -= (step - rigid @ (rigid.T @ step)).reshape(-1, 2)
+    return x
+
+
+def rigid_motions(xy: np.ndarray) -> np.ndarray:
+    """(2 n, 3) orthonormal: the moves that no length resists."""
+    dx, dy = (xy - xy.mean(axis=0)).T
+    moves = np.zeros((3, len(xy), 2))
+    moves[0, :, 0] = moves[1, :, 1] = 1
+    moves[2] = np.stack([-dy, dx], axis=1)
+    flat = moves.reshape(3, -1)
+    return (flat / np.linalg.norm(flat, axis=1, keepdims=True)).T
+
+
+def factored(xy: np.ndarray, pairs: np.ndarray) -> SuperLU:
+    """Gauss-Newton matrix of the sticks' energy in the true layout, with a breath of mass against rigid moves."""
+    d = xy[pairs[:, 1]] - xy[pairs[:, 0]]
+    along = d / np.maximum(np.linalg.norm(d, axis=1, keepdims=True), 1e-9)
+    rows = np.repeat(np.arange(len(pairs)), 4)
+    cols = np.stack([2 * pairs[:, 0], 2 * pairs[:, 0] + 1, 2 * pairs[:, 1], 2 * pairs[:, 1] + 1], axis=1).ravel()
+    jacobian = sparse.csr_matrix((np.hstack([-along, along]).ravel(), (rows, cols)), shape=(len(pairs), 2 * len(xy)))
+    matrix = (jacobian.T @ jacobian + 1e-6 * sparse.eye(2 * len(xy))).tocsc()
+    return splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+
+
+def row(name: str, kind: str) -> str:
+    case = scanned(SHEETS[name], **NOISE[kind])
+    pairs = make_sticks(case.mesh, case.topology, "unfolded").pairs
+    smooth_lengths(case.mesh.points, case.mesh.faces, case.topology)  # the kernels are compiled by then
+    start = perf_counter()
+    smoothed = smooth_lengths(case.mesh.points, case.mesh.faces, case.topology)
+    seconds = perf_counter() - start
+    raw = distances(case.mesh.points, case.topology.edges)
+    factor = factored(case.truth_xy, pairs)
+    floor = rigid_rms(case.feet_xy, case.truth_xy)
+    errors = []
+    for lengths in (raw, smoothed.rest):
+        bend = unfolded_distance(lengths, *bending(case))
+        x = solved(case, pairs, np.concatenate([lengths, bend]), factor)
+        errors.append((rigid_rms(x, case.truth_xy), 100 * (span(x) / span(case.truth_xy) - 1)))
+    (raw_rms, raw_size), (rms, size) = errors
+    times = f"{rms / floor:.1f}" if floor > 0.001 else ""
+    return (
+        f"| {name} | {kind} | {len(pairs):,} | {floor:.3f} | {raw_rms:.3f} | {raw_size:+.3f} | **{rms:.3f}** | {times} "
+        f"| {size:+.3f} | {smoothed.typical_noise_mm:.3f} | {smoothed.smoothing.name.lower()} | {seconds:.2f} |"
+    )
+
+
+def bending(case: Case):
+    edge = np.flatnonzero(case.topology.edge_uses == 2).astype(np.int32)
+    return edge, case.mesh.faces, case.topology
+
+
+def span(xy: np.ndarray) -> float:
+    return float(np.sqrt(((xy - xy.mean(axis=0)) ** 2).sum()))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("sheets", nargs="*", default=list(SHEETS), metavar="SHEET")
+    parser.add_argument("--noise", nargs="+", default=list(NOISE), metavar="KIND")
+    asked = parser.parse_args()
+    print(machine(), "\n")
+    print(
+        "| sheet | noise, mm | sticks | floor, mm | raw lengths, mm | size, % | smooth lengths, mm | times the floor "
+        "| size, % | noise found, mm | smoothing | seconds |"
+    )
+    print("|---|---|---|---|---|---|---|---|---|---|---|---|")
+    for name in asked.sheets:
+        for kind in asked.noise:
+            print(row(name, kind), flush=True)
+
+
+if __name__ == "__main__":
+    main()

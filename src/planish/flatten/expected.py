@@ -1,0 +1,81 @@
+"""How far the page is likely to be from the truth, from what is left in the sticks and from the scanner's noise."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from planish.mesh import Topology, area_vectors, point_normals
+from planish.sticks import distances
+from planish.types import Floats, Mesh, Sticks
+
+STRAIN_WEIGHT = 1.6
+NOISE_WEIGHT = 0.36
+CELLS = 16
+"""Strain is averaged over a sixteenth of the sheet's side: errors of the page are smooth over more than that."""
+
+
+def expected_error(xy: Floats, sticks: Sticks) -> tuple[Floats, Floats]:
+    """Expected distance of every point from its true place on the page, rms.
+
+        e^2 = (a s sqrt(h L))^2 + (b sigma)^2
+
+    s is the rms strain of the edges around, h their median length, L the side of the sheet, sigma the scanner's noise.
+    Strain that changes sign from edge to edge at random adds up over the L / h edges of a side to s h sqrt(L / h),
+    which is the first term; a = 1.6 was found for noise, folds cut short by a coarse mesh and surfaces that cannot lie
+    flat alike. Noise moves a point along the sheet too, by the second term. Both were measured against the truth, see
+    docs/benchmarks.md; the expectation is good to a factor of two.
+
+    Parameters
+    ----------
+    xy : (n, 2) float64 [mm]
+        The flat sheet.
+    sticks : Sticks
+        That were to be kept.
+
+    Returns
+    -------
+    error : (n,) float64 [mm]
+    strain : (n,) float64
+        s of the formula, at every point.
+    """
+    pairs, rest = sticks.pairs[: sticks.edges], sticks.rest[: sticks.edges]
+    long = rest > 0
+    pairs, rest = pairs[long], rest[long]
+    arm = xy[pairs[:, 1]] - xy[pairs[:, 0]]
+    squared = (np.hypot(arm[:, 0], arm[:, 1]) / rest - 1) ** 2
+    side = float(np.sqrt(np.prod(np.maximum(np.ptp(xy, axis=0), np.median(rest)))))
+    local = _average_around(xy, (xy[pairs[:, 0]] + xy[pairs[:, 1]]) / 2, squared, side / CELLS)
+    squared_error = STRAIN_WEIGHT**2 * local * float(np.median(rest)) * side
+    if sticks.noise_mm is not None:
+        squared_error = squared_error + (NOISE_WEIGHT * sticks.noise_mm) ** 2
+    return np.sqrt(squared_error), np.sqrt(local)
+
+
+def chords_shortfall(mesh: Mesh, topo: Topology) -> float:
+    """Expected error of a page [mm], rms, from the chords that a coarse mesh draws across the bends of its sheet.
+
+    A chord over an arc that turns by phi is shorter by phi^2 / 24. All chords are too short, so that the shortfall
+    adds up along the whole side; the points of a page that is too small by a share s are s L / sqrt(12) off, rms, in
+    each direction in which the sheet is bent.
+    """
+    normals = point_normals(mesh.points, mesh.faces)
+    a, b = topo.edges.T
+    turn = np.arccos(np.clip(np.einsum("ij,ij->i", normals[a], normals[b]), -1, 1))
+    length = distances(mesh.points, topo.edges)
+    side = float(np.sqrt(np.linalg.norm(area_vectors(mesh.points, mesh.faces), axis=1).sum()))
+    return float(np.average(turn**2, weights=length)) / 24 * side / np.sqrt(12)
+
+
+def _average_around(xy: Floats, places: Floats, values: Floats, radius: float) -> Floats:
+    """At every point the mean of the values at places around it, weighted by a bell of the given radius."""
+    from scipy.ndimage import gaussian_filter, map_coordinates
+
+    low = xy.min(axis=0)
+    shape = np.ceil(np.ptp(xy, axis=0) / radius).astype(int) + 1
+    cell = np.rint((places - low) / radius).astype(int).clip(0, shape - 1) @ [shape[1], 1]
+    total, count = (
+        gaussian_filter(np.bincount(cell, weight, shape.prod()).reshape(shape), 1.0, mode="constant")
+        for weight in (values, np.ones_like(values))
+    )
+    mean = total / np.maximum(count, 1e-12)
+    return np.maximum(map_coordinates(mean, ((xy - low) / radius).T, order=1, mode="nearest"), 0.0)

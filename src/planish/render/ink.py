@@ -1,0 +1,72 @@
+"""The ink of a page's letters, apart from its paper, shade, pictures and rules."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from planish.types import Page
+
+LOOK_DPI = 150.0
+"""Enough for letters of 6 points."""
+PAPER_MM = 5.0
+"""Dark places wider than this are pictures or shade."""
+RULE_MM = 10.0
+"""Straight strokes longer than this are rules and frames."""
+BORDER_MM = 2.0
+"""Rim of the known part that is left out: there the edge of the sheet looks like ink."""
+
+
+@dataclass(frozen=True, eq=False)
+class Ink:
+    """How dark each place is against the paper around it.
+
+    Attributes
+    ----------
+    amount : (rows, cols) float32
+        0 is paper, 1 black.
+    px_per_mm : float
+    """
+
+    amount: NDArray[np.float32]
+    px_per_mm: float
+
+    def turned(self) -> Ink:
+        """The same, a quarter turn clockwise."""
+        return Ink(np.ascontiguousarray(np.rot90(self.amount, -1)), self.px_per_mm)
+
+
+def ink_of(page: Page) -> Ink:
+    """Find the ink of the letters, at 150 dpi or the page's own resolution where that is less."""
+    scale = min(1.0, LOOK_DPI / page.dpi)
+    mm = scale * page.dpi / 25.4
+    grey, known = _grey(page), np.ascontiguousarray(page.known, np.uint8)
+    if scale < 1:
+        grey = cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+        known = cv2.resize(known, grey.shape[::-1], interpolation=cv2.INTER_NEAREST)
+    paper = cv2.morphologyEx(grey, cv2.MORPH_CLOSE, _box(PAPER_MM * mm, PAPER_MM * mm))
+    known = cv2.erode(known, _box(2 * BORDER_MM * mm, 2 * BORDER_MM * mm), borderValue=0)
+    dark = np.where(known > 0, 255 - 255 * (grey / np.maximum(paper, 1).astype(np.float32)), 0).astype(np.uint8)
+    rules = np.maximum(
+        cv2.morphologyEx(dark, cv2.MORPH_OPEN, _box(RULE_MM * mm, 1)),
+        cv2.morphologyEx(dark, cv2.MORPH_OPEN, _box(1, RULE_MM * mm)),
+    )
+    dark[cv2.dilate(rules, _box(3, 3)) > 25] = 0
+    return Ink(dark.astype(np.float32) / 255, mm)
+
+
+def _grey(page: Page) -> NDArray[np.uint8]:
+    pixels = np.asarray(page.pixels)
+    if pixels.dtype == np.bool_:
+        return pixels.astype(np.uint8) * np.uint8(255)
+    if pixels.dtype == np.uint16:
+        pixels = (pixels >> 8).astype(np.uint8)
+    return np.asarray(cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY) if pixels.ndim == 3 else pixels, np.uint8)
+
+
+def _box(width: float, height: float) -> NDArray[np.uint8]:
+    """All of an odd number of pixels each way."""
+    return np.ones((int(height) | 1, int(width) | 1), np.uint8)
