@@ -77,6 +77,8 @@ class TestRestore:
             "4-mesh-after.png",
             "5-restored.png",
             "6-restored-binary.png",
+            "7-expected-error.png",
+            "8-strain.png",
             "all.png",
         ]
 

@@ -232,4 +232,4 @@ def test_points_are_repeated_only_where_a_seam_runs():
     repeated, source, point_uv = one_uv_per_point(5, faces, uv, np.array([[0, 1, 2], [3, 2, -1]]))
     assert source.tolist() == [0, 1, 2, 3, 4, 0]
     assert source[repeated].tolist() == faces.tolist()
-    assert point_uv[repeated].tolist() == [[[0, 0], [1, 0], [1, 1]], [[0.5, 0.5], [1, 1], [0, 0]]]
+    assert point_uv[repeated].tolist() == [[[0, 0], [1, 0], [1, 1]], [[0.5, 0.5], [1, 1], [-1, -1]]]

@@ -224,7 +224,8 @@ def test_a_scan_comes_back(tmp_path, suffix, kind):
     assert sorted(files) == sorted(tmp_path.iterdir())
     camera = tmp_path / "sheet_camera.json" if scan.camera else None
     found = read_scan(files[0], camera=camera)
-    assert found.warnings == []
+    outside = suffix == ".glb" and kind == "corners"  # where GLB puts corners that have no place
+    assert [w for w in found.warnings if "outside 0 to 1" in w] == found.warnings[: int(outside)] == found.warnings
     again = found.scan
     points, faces = again.mesh.points, again.mesh.faces
     exact = {".obj": 5e-7, ".ply": 0, ".glb": 2e-5}[suffix]  # 6 digits; doubles; float32 of 0.28 m
@@ -238,7 +239,7 @@ def test_a_scan_comes_back(tmp_path, suffix, kind):
     got = again.photo_xy if again.photo_xy.ndim == 3 else again.photo_xy[faces]
     seen = np.isfinite(corners).all((1, 2))
     np.testing.assert_allclose(got[seen], corners[seen], atol=1e-5)  # float32 of 60 pixels, or 8 digits
-    assert suffix == ".glb" or np.isnan(got[~seen]).all()
+    assert (got[~seen][..., 0] < -0.5).all() if suffix == ".glb" else np.isnan(got[~seen]).all()
     if kind == "16 bit":
         np.testing.assert_array_equal(again.photo, scan.photo)
     else:

@@ -7,10 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from planish.errors import InputError
-from planish.mesh import project
+from planish.mesh import code_values, linear_light, project
 from planish.render import draw
 from planish.render.chart import chart
-from planish.render.sample import code_values, linear_light
 from planish.settings import RenderSettings
 from planish.types import Camera, Mesh, Scan
 from shapes import grid

@@ -81,10 +81,10 @@ def test_clusters_cover_all_faces_and_keep_their_lengths():
     found = topology(faces, len(truth))
     with crew() as run:
         clusters = lay_out_clusters(faces, found, true(found.edges), len(truth), run)
-    assert clusters.count > 2 * len(faces) / (3 * RADIUS**2)  # none can be larger than so many faces
+    assert clusters.total > 2 * len(faces) / (3 * RADIUS**2)  # none can be larger than so many faces
     assert (np.diff(clusters.start) >= 1).all()  # every point is somewhere
     point = np.repeat(np.arange(len(truth)), np.diff(clusters.start))
-    for c in range(0, clusters.count, 5):
+    for c in range(0, clusters.total, 5):
         copies = np.flatnonzero(clusters.cluster == c)
         z = clusters.place[copies]
         assert rigid_rms(np.c_[z.real, z.imag], truth[point[copies]]) < 1e-7
@@ -109,9 +109,9 @@ def test_joined_clusters_lie_where_the_gaps_between_copies_are_least():
 
     least = misfit(rho, tau)
     for _ in range(5):
-        turn = np.exp(1e-3j * rng.standard_normal(clusters.count))
+        turn = np.exp(1e-3j * rng.standard_normal(clusters.total))
         assert misfit(rho * turn, tau) > least
-        assert misfit(rho, tau + 1e-2 * rng.standard_normal(clusters.count)) > least
+        assert misfit(rho, tau + 1e-2 * rng.standard_normal(clusters.total)) > least
 
 
 def test_sheets_that_hang_together_by_one_point_keep_their_lengths():

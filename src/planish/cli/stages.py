@@ -6,10 +6,14 @@ from pathlib import Path
 
 import numpy as np
 
+from planish.mesh import Cleaned
 from planish.types import Bools, Floats, Mesh, Page, Pixels, Restoration, Scan
 
-SHEET = ("1-warped", "3-mesh-before", "5-restored", "2-warped-binary", "4-mesh-after", "6-restored-binary")
-"""The order on the sheet of all pictures: colour above black and white, before left of after."""
+SHEET = (
+    *("1-warped", "3-mesh-before", "5-restored", "7-expected-error"),
+    *("2-warped-binary", "4-mesh-after", "6-restored-binary", "8-strain"),
+)
+"""The order on the sheet of all pictures: colour above black and white, before left of after, maps last."""
 
 
 def write_stages(folder: Path, scan: Scan, done: Restoration) -> list[Path]:
@@ -29,22 +33,28 @@ def write_stages(folder: Path, scan: Scan, done: Restoration) -> list[Path]:
         The files written.
     """
     from planish.io import make_folder, write_page
-    from planish.report import relief, side_by_side
+    from planish.mesh import clean
+    from planish.report import heat_map, relief, side_by_side
 
     assert scan.photo is not None
     assert done.rendered is not None
     photo = _as_page(scan.photo, done.report.page.effective_ppi_median or 300.0)
-    before, after = standing_and_lying(scan, done)
     page = done.unshaded or done.rendered
+    cleaned, flat = clean(scan), done.flattening
+    faces = cleaned.scan.mesh.faces
+    page_xy, error, strain = (_of_cleaned(cleaned, v) for v in (flat.page_xy, flat.error_mm, flat.local_strain))
+    before, after = standing_and_lying(cleaned.scan.mesh, page_xy)
     pictures: dict[str, Pixels | Bools] = {
         "1-warped": photo.pixels,
         "2-warped-binary": _in_black_and_white(photo),
-        "3-mesh-before": relief(before.points, before.faces),
-        "4-mesh-after": relief(after.points, after.faces),
+        "3-mesh-before": relief(before, faces),
+        "4-mesh-after": relief(after, faces),
         "5-restored": page.pixels,
         "6-restored-binary": done.binary.pixels if done.binary else _in_black_and_white(page),
+        "7-expected-error": heat_map(page_xy, faces, error, flat.size_mm, "expected error, mm"),
+        "8-strain": heat_map(page_xy, faces, 100 * strain, flat.size_mm, "strain, %"),
     }
-    pictures["all"] = side_by_side([pictures[name] for name in SHEET], columns=3)
+    pictures["all"] = side_by_side([pictures[name] for name in SHEET], columns=4)
     make_folder(folder)
     written = []
     for name, pixels in pictures.items():
@@ -54,20 +64,23 @@ def write_stages(folder: Path, scan: Scan, done: Restoration) -> list[Path]:
     return written
 
 
-def standing_and_lying(scan: Scan, done: Restoration) -> tuple[Mesh, Mesh]:
-    """The sheet on its table, and flat on it in the same place; the page's top is away from the viewer."""
-    from planish.mesh import clean, stand_on_table
+def standing_and_lying(mesh: Mesh, page_xy: Floats) -> tuple[Floats, Floats]:
+    """Points of the sheet on its table, and flat on it in the same place; the page's top is away from the viewer."""
+    from planish.mesh import stand_on_table
 
-    cleaned = clean(scan)
-    mesh = cleaned.scan.mesh
     points, _, _ = stand_on_table(mesh)
-    kept = cleaned.place >= 0
-    page = np.zeros((len(points), 2))
-    page[cleaned.place[kept]] = done.flattening.page_xy[kept] * [1, -1]
-    page -= page.mean(axis=0)
+    page = (page_xy - page_xy.mean(axis=0)) * [1, -1]
     standing = points - [*points[:, :2].mean(axis=0), 0]
     standing[:, :2] = standing[:, :2] @ _rotation_onto(standing[:, :2], page).T
-    return Mesh(standing, mesh.faces), Mesh(np.c_[page, 0 * page[:, :1]], mesh.faces)
+    return standing, np.c_[page, 0 * page[:, :1]]
+
+
+def _of_cleaned(cleaned: Cleaned, values: Floats) -> Floats:
+    """Values of the file's points, for the points of the cleaned mesh."""
+    kept = cleaned.place >= 0
+    out = np.zeros((len(cleaned.scan.mesh.points), *values.shape[1:]))
+    out[cleaned.place[kept]] = values[kept]
+    return out
 
 
 def _rotation_onto(xy: Floats, target: Floats) -> Floats:

@@ -34,7 +34,7 @@ class Clusters(NamedTuple):
 
     Attributes
     ----------
-    count : int
+    total : int
         Number of clusters.
     start : (n + 1,) int32
         Copies of point i are rows `start[i]` to `start[i + 1]`.
@@ -44,7 +44,7 @@ class Clusters(NamedTuple):
         x + iy of each copy in the frame of its cluster, whose origin is the middle of its copies.
     """
 
-    count: int
+    total: int
     start: Ints
     cluster: Ints
     place: NDArray[np.complex128]

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from planish.flatten.crew import Crew
 from planish.types import Floats, Ints, Sticks
@@ -37,19 +38,19 @@ class Net(NamedTuple):
     pairs: Ints
     rest: Floats
     weight: Floats
-    begin: Ints
-    reach: Ints
-    row: Ints
+    begin: NDArray[np.int64]
+    reach: NDArray[np.int64]
+    row: NDArray[np.int64]
 
 
 def make_net(sticks: Sticks, run: Crew) -> Net:
     """Cut sticks, in the order of their points, into slabs."""
     share = np.arange(SLABS + 1)
     bends = len(sticks.rest) - sticks.edges
-    begin = np.column_stack([share * sticks.edges // SLABS, sticks.edges + share * bends // SLABS])
+    begin = np.stack([share * sticks.edges // SLABS, sticks.edges + share * bends // SLABS], axis=1).astype(np.int64)
     reach = np.zeros((SLABS, 2), np.int64)
     run(_find_reach, SLABS, sticks.pairs, begin, reach, block=1)
-    row = np.concatenate([[0], np.cumsum(reach[:, 1] - reach[:, 0])])
+    row = np.concatenate([np.zeros(1, np.int64), np.cumsum(reach[:, 1] - reach[:, 0])])
     return Net(sticks.pairs, sticks.rest, sticks.weight, begin, reach, row)
 
 

@@ -45,6 +45,7 @@ DAMPING = 0.05
 FEW = 1500
 """Cells that hold some of the sheet on the level that is solved outright, at most: milliseconds to factor."""
 
+
 class Preconditioner(NamedTuple):
     """What takes forces to steps.
 
@@ -72,7 +73,7 @@ class Preconditioner(NamedTuple):
 def make_preconditioner(net: Net, edges: int, xy: Floats, run: Crew) -> Preconditioner:
     """Build the preconditioner for sticks that lie as they do in `xy`, of which the first `edges` are edges."""
     low = xy.min(0)
-    side = _side(CELL * median_edge(net.rest[:edges]), *(xy.max(0) - low), len(xy))
+    side = _side(CELL * median_edge(net.rest[:edges]), xy.max(0) - low, len(xy))
     cols, rows = ((xy.max(0) - low) / side).astype(int) + 1
     node, share = np.empty(len(xy), np.int32), np.empty((len(xy), 2), np.float32)
     run(_locate, len(xy), xy, low, side, cols, node, share)
@@ -81,12 +82,9 @@ def make_preconditioner(net: Net, edges: int, xy: Floats, run: Crew) -> Precondi
     run(_invert, len(xy), own, block)
     mass = own[:, 3] / OVERLAP
     kappa = [_spread(node, mass / side**2, rows, cols)]
-    while True:
-        coarser = _coarsen(kappa[-1])
-        if np.count_nonzero(coarser) <= FEW:
-            break
-        kappa.append(coarser)
-    patches = make_patches(xy, net.pairs[:edges], mass, low, side * 2 ** len(kappa))
+    while np.count_nonzero(kappa[-1]) > FEW:
+        kappa.append(_coarsen(kappa[-1]))
+    patches = make_patches(xy, net.pairs[:edges], mass, low, side * 2 ** (len(kappa) - 1))
     return Preconditioner(node, share, block, tuple(kappa), patches)
 
 
@@ -105,9 +103,9 @@ def precondition(p: Preconditioner, force: Floats, run: Crew) -> Floats:
     return step
 
 
-def _side(wanted: float, width: float, height: float, points: int) -> float:
+def _side(wanted: float, size: Floats, points: int) -> float:
     """Side of the finest cells: as wanted, but not so small that empty cells outnumber the points by far."""
-    return float(max(wanted, np.sqrt(width * height / (4 * points)), (width + height) / (4 * points)) or 1.0)
+    return float(max(wanted, np.sqrt(size.prod() / (4 * points)), size.sum() / (4 * points)) or 1.0)
 
 
 def _coarsen(fine: Float32s) -> Float32s:

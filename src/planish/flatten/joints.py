@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from scipy.sparse import bsr_array
+from scipy.sparse import bsr_array, csc_array
 from scipy.sparse.linalg import splu
 
 from planish.flatten.clusters import Clusters
@@ -41,7 +41,7 @@ class Joints(NamedTuple):
     ----------
     pairs : (j, 2) int32
         Clusters a < b.
-    count : (j,) float64
+    number : (j,) float64
         Points shared.
     sums : (j, 2) complex128 [mm]
         Sums of z_a and of z_b.
@@ -52,7 +52,7 @@ class Joints(NamedTuple):
     """
 
     pairs: Ints
-    count: Floats
+    number: Floats
     sums: Complex
     squares: Floats
     product: Complex
@@ -69,7 +69,7 @@ def join(clusters: Clusters) -> tuple[Complex, Complex, Ints]:
         Clusters that hang together have the same number, that of one of them; each piece lies anywhere.
     """
     joints = _find_joints(clusters)
-    rho, tau, piece = _chain(clusters.count, *joints, np.argsort(-_spread(joints), kind="stable"))
+    rho, tau, piece = _chain(clusters.total, *joints, np.argsort(-_spread(joints), kind="stable"))
     for _ in range(ROUNDS if len(joints.pairs) else 0):
         turn, shift = _gauss_newton_step(joints, rho, tau, np.unique(piece))
         rho *= np.exp(1j * turn)
@@ -88,12 +88,12 @@ def gather(clusters: Clusters, rho: Complex, tau: Complex) -> Floats:
 
 def _spread(joints: Joints) -> Floats:
     """Spread of the shared points about their middle [mm^2]: how surely a joint tells directions."""
-    return np.asarray(joints.squares.sum(1) - (np.abs(joints.sums) ** 2).sum(1) / joints.count)
+    return np.asarray(joints.squares.sum(1) - (np.abs(joints.sums) ** 2).sum(1) / joints.number)
 
 
 def _find_joints(clusters: Clusters) -> Joints:
     """Collect the pairs of clusters that share points, and the moments of those points."""
-    row, other, first, second = _meetings(clusters.start, clusters.cluster, clusters.count)
+    row, other, first, second = _meetings(clusters.start, clusters.cluster, clusters.total)
     return Joints(*_moments(row, other, first, second, clusters.place))
 
 
@@ -145,7 +145,13 @@ def _moments(row, other, first, second, place):  # type: ignore[no-untyped-def]
             squares[j, 0] += za.real**2 + za.imag**2
             squares[j, 1] += zb.real**2 + zb.imag**2
             product[j] += za.conjugate() * zb
-    return pairs[:total].copy(), number[:total].copy(), sums[:total].copy(), squares[:total].copy(), product[:total].copy()
+    return (
+        pairs[:total].copy(),
+        number[:total].copy(),
+        sums[:total].copy(),
+        squares[:total].copy(),
+        product[:total].copy(),
+    )
 
 
 @njit(cache=True, nogil=True)
@@ -205,7 +211,8 @@ def _gauss_newton_step(joints: Joints, rho: Complex, tau: Complex, roots: Ints) 
     return solution[:, 0], solution[:, 1] + 1j * solution[:, 2]
 
 
-def _block_matrix(rows, columns, blocks, count):
+def _block_matrix(rows: Ints, columns: Ints, blocks: Floats, count: int) -> csc_array:
+    """Sparse matrix of 3 x 3 blocks."""
     order = np.lexsort((columns, rows))
     start = np.searchsorted(rows[order], np.arange(count + 1))
     return bsr_array((blocks[order], columns[order], start), shape=(3 * count, 3 * count)).tocsc()

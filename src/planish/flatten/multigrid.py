@@ -104,7 +104,7 @@ def relax(
         xy, outcome, residuals = _bring_to_rest(xy, sticks, s, side, run, lambda share: tell(0.3 + 0.65 * share))
     xy, flipped = untangle(xy, mesh.faces, topology, rest)
     xy = as_seen(mesh.points, mesh.faces, xy, piece, count)
-    warnings = []
+    warnings: list[str] = []
     if count > 1:
         xy, warnings = _place(mesh, topology, xy, piece, count, edge, side)
     if flipped:
@@ -115,7 +115,9 @@ def relax(
     return Relaxed(xy, outcome, len(residuals) - 1, residuals, tuple(warnings))
 
 
-_FLIPPED = "{:,} faces could not be laid on the page with their printed side up; the surface there is no flat sheet bent"
+_FLIPPED = (
+    "{:,} faces could not be laid on the page with their printed side up; the surface there is no flat sheet bent"
+)
 _JOINED = (
     "The sheet is in {:,} pieces; {:,} of them were set side by side across gaps about {:.1f} mm wide, by the "
     "directions of the borders"
@@ -129,9 +131,7 @@ def _bring_to_rest(
     net = make_net(sticks, run)
     preconditioner = make_preconditioner(net, sticks.edges, xy, run)
     still = settings.tolerance * side * np.clip(len(xy), FEW, MANY) / MANY
-    return minimise(
-        net, xy, preconditioner, max_steps=settings.max_steps, still_mm=still, run=run, progress=progress
-    )
+    return minimise(net, xy, preconditioner, max_steps=settings.max_steps, still_mm=still, run=run, progress=progress)
 
 
 def _place(

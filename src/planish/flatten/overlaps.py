@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 
 from planish.mesh import Topology
-from planish.types import Bools, Floats, Ints
+from planish.types import Floats, Ints
 
 
 def overlaps(faces: Ints, page_xy: Floats, topology: Topology) -> int:
@@ -52,7 +52,9 @@ def layers(faces: Ints, page_xy: Floats, topology: Topology) -> Ints:
     side = max(side, float(size.max()) / len(faces))
     cols, rows = (size / side).astype(int) + 1
     xy = (page_xy - low) / side
-    return np.asarray(_layers(faces, xy, _winding(xy, border, rows, cols), *_edges_in_cells(xy, border, rows, cols), border))
+    return np.asarray(
+        _layers(faces, xy, _winding(xy, border, rows, cols), *_edges_in_cells(xy, border, rows, cols), border)
+    )
 
 
 @njit(cache=True, nogil=True)

@@ -39,9 +39,6 @@ LONGER = 3.0
 MISFIT = 0.2
 """Rms misfit of the borders, as part of the gap's width, up to which its geometry is plain."""
 
-APART = 0.03
-"""Room between pieces that lie apart, in the side of the sheet."""
-
 ROUNDS = 6
 """Rounds of averaging normals over neighbours, as the noise of a single face turns it by ten degrees."""
 
@@ -142,11 +139,7 @@ def bring_together(
     z = xy[:, 0] + 1j * xy[:, 1]
     rim = _Rim.of(points, faces, topology, z, piece)
     widest = WIDEST * edge * np.sqrt(len(points))
-    candidates = [
-        joint
-        for host in range(min(count - 1, HOSTS))
-        for joint in _joints_to(rim, host, widest, edge)
-    ]
+    candidates = [joint for host in range(min(count - 1, HOSTS)) for joint in _joints_to(rim, host, widest, edge)]
     turn, shift, group = np.ones(count, np.complex128), np.zeros(count, np.complex128), np.arange(count, dtype=np.int32)
     used = []
     for joint in sorted(candidates, key=lambda j: -j.length):
@@ -213,7 +206,9 @@ def _joints_to(rim: _Rim, host: int, widest: float, edge: float) -> list[Joint]:
     facing = np.minimum(np.einsum("ij,ij->i", rim.out[a], across), -np.einsum("ij,ij->i", rim.out[b], across))
     plain = facing > FACING * width
     a, b = a[plain], b[plain]
-    joints = [_fit(rim, a[rim.piece[b] == p], b[rim.piece[b] == p], host, int(p), edge) for p in np.unique(rim.piece[b])]
+    joints = [
+        _fit(rim, a[rim.piece[b] == p], b[rim.piece[b] == p], host, int(p), edge) for p in np.unique(rim.piece[b])
+    ]
     return [joint for joint in joints if joint is not None]
 
 
@@ -278,11 +273,12 @@ def _unit(vectors: Floats) -> Floats:
 def _smooth_normals(points: Floats, faces: Ints, topology: Topology) -> Floats:
     """Normals of points, averaged over the neighbours again and again; gaps are not bridged."""
     vector = area_vectors(points, faces)
-    normal = np.stack([np.bincount(faces.ravel(), np.repeat(vector[:, d], 3), len(points)) for d in range(3)], axis=1)
+    corner = faces.ravel()
+    normal = np.stack([np.bincount(corner, np.repeat(vector[:, d], 3), len(points)) for d in range(3)], axis=1)
     start, around = neighbours(topology.edges, len(points))
     for _ in range(ROUNDS):
         normal = _unit(_with_neighbours(start, around, normal))
-    return normal
+    return np.asarray(normal, np.float64)
 
 
 def _turned_tangents(points: Floats, topology: Topology, z: Complex, normal: Floats, at: Ints) -> Floats:

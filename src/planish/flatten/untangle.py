@@ -107,19 +107,16 @@ def _turn_over(xy, faces, around, face, need, flipped):  # type: ignore[no-untyp
 
 @njit(cache=True, nogil=True)
 def _flipped_near(xy, faces, around, face, old):  # type: ignore[no-untyped-def]
-    near = set([np.int32(-1)])
+    near = np.empty(len(old) * 3 * 64, np.int32)
+    count = 0
     for f in old:
         for k in range(3):
-            for at in range(around[faces[f, k]], around[faces[f, k] + 1]):
-                if not _double_area(xy, faces, face[at]) > 0.0:
-                    near.add(face[at])
-    near.discard(np.int32(-1))
-    found = np.empty(len(near), np.int32)
-    count = 0
-    for f in near:
-        found[count] = f
-        count += 1
-    return np.sort(found)
+            i = faces[f, k]
+            for at in range(around[i], around[i + 1]):
+                if count < len(near) and not _double_area(xy, faces, face[at]) > 0.0:
+                    near[count] = face[at]
+                    count += 1
+    return np.unique(near[:count])
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

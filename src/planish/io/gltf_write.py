@@ -93,7 +93,7 @@ def one_uv_per_point(count: int, faces: Ints, uv: Floats, uv_faces: Ints) -> tup
     source : (n + k,) int64
         The point that each of them is.
     point_uv : (n + k, 2) float64
-        0 where there is none.
+        Outside the image (-1) where there is none.
     """
     pair = faces.reshape(-1).astype(np.int64) * (len(uv) + 1) + uv_faces.reshape(-1) + 1
     _, first, which = np.unique(pair, return_index=True, return_inverse=True)
@@ -101,6 +101,6 @@ def one_uv_per_point(count: int, faces: Ints, uv: Floats, uv_faces: Ints) -> tup
     again: Bools = np.r_[False, point[1:] == point[:-1]]
     place = np.where(again, count + np.cumsum(again) - 1, point)
     source = np.concatenate([np.arange(count), point[again]])
-    point_uv = np.zeros((len(source), 2))
-    point_uv[place] = np.vstack([uv, [0.0, 0.0]])[uv_faces.reshape(-1)[first]]
+    point_uv = np.full((len(source), 2), -1.0)
+    point_uv[place] = np.vstack([uv, [-1.0, -1.0]])[uv_faces.reshape(-1)[first]]
     return place[which].reshape(-1, 3).astype(np.int32), source, point_uv

@@ -7,11 +7,13 @@ from planish.mesh.measures import angle_sums, area_vectors, border_loops, point_
 from planish.mesh.place import to_file_order
 from planish.mesh.projection import depths, project
 from planish.mesh.raster import rasterise
+from planish.mesh.srgb import LUMINANCE, code_values, linear_light
 from planish.mesh.subsample import Coarse, subsample
 from planish.mesh.support import stand_on_table
 from planish.mesh.topology import Topology, topology
 
 __all__ = [
+    "LUMINANCE",
     "Cleaned",
     "Coarse",
     "Topology",
@@ -20,7 +22,9 @@ __all__ = [
     "border_loops",
     "carry",
     "clean",
+    "code_values",
     "depths",
+    "linear_light",
     "neighbours",
     "project",
     "point_normals",

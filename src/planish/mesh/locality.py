@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 
 from planish.mesh.topology import Topology
-from planish.types import Floats, Ints, Mesh
+from planish.types import Ints, Mesh
 
 SCATTERED = 10.0
 """Mean difference of the two point numbers of an edge, in square roots of the number of points, from which on an

@@ -9,7 +9,7 @@ from numba import njit
 
 from planish.mesh import project
 from planish.render.patch import refine
-from planish.types import Bools, Floats, Ints, Scan
+from planish.types import Floats, Ints, Scan
 
 FINE_MM = 1.0
 """Faces longer than this on the page are cut into curved pieces; over 1 mm of paper no bend is seen."""
@@ -88,7 +88,7 @@ def _split_seams(scan: Scan, page_xy: Floats) -> tuple[Ints, Floats, Floats, Flo
 
 def _without_lost_places(faces: Ints, photo_xy: Floats) -> tuple[Ints, Floats]:
     """Leave out faces with a corner that has no place on any photo, and put such points in the middle of the others."""
-    good: Bools = (np.abs(photo_xy) < BEYOND_PX).all(axis=1)
+    good = np.asarray((np.abs(photo_xy) < BEYOND_PX).all(axis=1))
     if good.all():
         return faces, photo_xy
     middle = photo_xy[good].mean(axis=0) if good.any() else np.zeros(2)

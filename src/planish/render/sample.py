@@ -8,12 +8,11 @@ the filters that reconstruct the photo and that limit the page's band). Light is
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
+from planish.mesh import code_values, linear_light
 from planish.types import Bools, Floats, Ints, Pixels
 
 LOBES = 3
@@ -24,20 +23,6 @@ SKEW = 0.1
 columns, several times as fast, and nobody sees the difference."""
 WIDEST = 32.0
 """Photo pixels to a page pixel beyond which the filter grows no more."""
-
-
-def linear_light(levels: int) -> NDArray[np.float32]:
-    """Light of each code value of an sRGB image, 0 to 1 (IEC 61966-2-1)."""
-    code = np.arange(levels) / (levels - 1)
-    light = np.where(code <= 0.04045, code / 12.92, ((code + 0.055) / 1.055) ** 2.4)
-    return light.astype(np.float32)
-
-
-def code_values(dtype: np.dtype[Any]) -> Pixels:
-    """Code value for light 0, 1 / 65535 ... 1: (65536,) of the given whole-number type."""
-    light = np.linspace(0, 1, 65536)
-    code = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
-    return np.rint(code * np.iinfo(dtype).max).astype(dtype)
 
 
 def footprints(jacobian: Floats) -> Floats:

@@ -1,8 +1,9 @@
 """An honest account of a restoration: what was measured, and how it reads."""
 
 from planish.report.account import account
+from planish.report.heat import heat_map
 from planish.report.measures import flipped_faces, stretch
 from planish.report.pictures import relief, side_by_side
 from planish.report.table import summary
 
-__all__ = ["account", "flipped_faces", "relief", "side_by_side", "stretch", "summary"]
+__all__ = ["account", "flipped_faces", "heat_map", "relief", "side_by_side", "stretch", "summary"]

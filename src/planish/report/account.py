@@ -10,7 +10,6 @@ from planish.report.measures import flipped_faces, stretch
 from planish.sticks import distances, strain
 from planish.types import Flattening, FlattenReport, Outcome, PageReport, Report, Scan, ScanReport
 
-
 STRETCHED = 0.01
 """Paper stretches by some tenths of a percent. What is farther from its lengths is no sheet there, or badly scanned."""
 
