@@ -32,7 +32,8 @@ def flatten(
     mesh
         OBJ, PLY, GLB or glTF, or a tifxyz folder.
     output
-        The flattened mesh: .obj, .ply or .glb.
+        The flattened mesh: .obj, .ply or .glb, or a folder for tifxyz (with --as uv). A .ply carries the strain and
+        the expected error of every point.
     as_
         points: the points move to the plane. uv: they stay in space, and their place on the page becomes the texture
         coordinate, in mm.
@@ -53,9 +54,10 @@ def flatten(
     from time import perf_counter
 
     from planish.cli.talk import progress, show, with_files
-    from planish.io import check_writable, read_scan, write_flat, write_json
+    from planish.io import check_flat_name, check_writable, read_scan, write_flat, write_json
     from planish.pipeline import restore
 
+    check_flat_name(output, as_)
     outputs = [path for path in (output, report) if path is not None]
     for path in outputs:
         check_writable(path, overwrite=overwrite)
@@ -67,7 +69,10 @@ def flatten(
         done = restore(replace(found.scan, photo=None), RestoreSettings(flatten=flattening, rotate=rotate), tell)
         start = perf_counter()
         tell("write", 0.0)
-        write_flat(output, found, done.flattening.page_xy, as_=as_)
+        scalars = {"strain": done.flattening.local_strain, "expected_error_mm": done.flattening.error_mm}
+        write_flat(
+            output, found, done.flattening.page_xy, as_=as_, scalars=scalars if output.suffix == ".ply" else None
+        )
         account = with_files(done.report, found, read, perf_counter() - start)
         if report is not None:
             write_json(report, account)

@@ -69,9 +69,22 @@ def restore(
     from planish.cli.stages import write_stages
     from planish.cli.talk import progress, show, with_files
     from planish.errors import InputError
-    from planish.io import check_writable, read_scan, write_flat, write_json, write_page
+    from planish.io import (
+        check_flat_name,
+        check_page_name,
+        check_writable,
+        read_scan,
+        write_flat,
+        write_json,
+        write_page,
+    )
     from planish.pipeline import restore as restore_scan
 
+    check_page_name(output)
+    if binary is not None:
+        check_page_name(binary)
+    if flat is not None:
+        check_flat_name(flat)
     outputs = [path for path in (output, binary, flat, report) if path is not None]
     for path in outputs:
         check_writable(path, overwrite=overwrite)

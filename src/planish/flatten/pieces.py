@@ -274,11 +274,13 @@ def _smooth_normals(points: Floats, faces: Ints, topology: Topology) -> Floats:
     """Normals of points, averaged over the neighbours again and again; gaps are not bridged."""
     vector = area_vectors(points, faces)
     corner = faces.ravel()
-    normal = np.stack([np.bincount(corner, np.repeat(vector[:, d], 3), len(points)) for d in range(3)], axis=1)
+    normal: Floats = np.zeros_like(points)
+    for d in range(3):
+        normal[:, d] = np.bincount(corner, np.repeat(vector[:, d], 3), len(points))
     start, around = neighbours(topology.edges, len(points))
     for _ in range(ROUNDS):
         normal = _unit(_with_neighbours(start, around, normal))
-    return np.asarray(normal, np.float64)
+    return normal
 
 
 def _turned_tangents(points: Floats, topology: Topology, z: Complex, normal: Floats, at: Ints) -> Floats:

@@ -73,10 +73,9 @@ def cut(page: Page) -> Cells:
 
 @njit(parallel=True, cache=True)
 def _measure(pixels, page_known, linear, side, step, light, share, clipped, known):  # type: ignore[no-untyped-def]
-    last = pixels.shape[2] - 1
-    top = len(linear) - 1
+    last, top = pixels.shape[2] - 1, len(linear) - 1
     for i in prange(light.shape[0]):
-        found = np.empty((AT_MOST, 4), np.float32)
+        found, sorted_ = np.empty((AT_MOST, 4), np.float32), np.empty(AT_MOST, np.float32)
         for j in range(light.shape[1]):
             n, seen, full = 0, 0, 0
             for r in range(i * side, min((i + 1) * side, pixels.shape[0]), step):
@@ -90,16 +89,28 @@ def _measure(pixels, page_known, linear, side, step, light, share, clipped, know
                     found[n, 3] = LUMINANCE[0] * found[n, 0] + LUMINANCE[1] * found[n, 1] + LUMINANCE[2] * found[n, 2]
                     n += 1
             known[i, j] = n > seen / 2
-            if n == 0:
-                continue
-            clipped[i, j] = full / n
-            bright = np.partition(found[:n, 3], (3 * n) // 4)[(3 * n) // 4]
-            alike = 0
-            for k in range(n):
-                if abs(found[k, 3] - bright) <= BAND * bright:
-                    alike += 1
-                    for c in range(3):
-                        light[i, j, c] += found[k, c]
-            share[i, j] = alike / n
+            if n > 0:
+                clipped[i, j] = full / n
+                share[i, j] = _mean_of_bright(found[:n], sorted_, light[i, j])
+
+
+@njit(cache=True)
+def _mean_of_bright(found, sorted_, light):  # type: ignore[no-untyped-def]
+    """Fill in the mean light of the pixels about as bright as the upper quartile; returns their share."""
+    n = len(found)
+    for k in range(n):
+        m = k
+        while m > 0 and sorted_[m - 1] > found[k, 3]:
+            sorted_[m] = sorted_[m - 1]
+            m -= 1
+        sorted_[m] = found[k, 3]
+    bright = sorted_[(3 * n) // 4]
+    alike = 0
+    for k in range(n):
+        if abs(found[k, 3] - bright) <= BAND * bright:
+            alike += 1
             for c in range(3):
-                light[i, j, c] /= max(alike, 1)
+                light[c] += found[k, c]
+    for c in range(3):
+        light[c] /= alike
+    return alike / n
