@@ -173,6 +173,12 @@ def test_a_page_of_two_metres_or_two_millimetres_is_doubted(tmp_path, scale):
         read_scan(tmp_path / "sheet.obj", units="ft")
 
 
+def test_a_point_beyond_all_numbers_is_refused(tmp_path):
+    (tmp_path / "far.obj").write_text("v 1e200 0 0\nv 200 0 0\nv 0 280 0\nf 1 2 3\n")
+    with pytest.raises(InputError, match="so far from the others"):
+        read_scan(tmp_path / "far.obj")
+
+
 @pytest.mark.parametrize(
     ("name", "content", "sentence"),
     [

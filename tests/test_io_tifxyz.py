@@ -25,7 +25,7 @@ def write(folder, xyz, **kw):
 def test_cells_with_four_points_are_faces(tmp_path, kw):
     xyz = grid_of_points()
     xyz[0, 0] = -1
-    xyz[3, 4, 2] = 0  # not above 0: no surface, whatever x and y say
+    xyz[3, 4] = 0  # as some writers say that there is none
     xyz[2, 0, 0] = np.nan
     mesh = read_tifxyz(write(tmp_path / "a", xyz, **kw))
     known = np.ones((4, 5), bool)
@@ -98,6 +98,12 @@ def test_what_is_written_is_read_again(tmp_path):
     assert meta["scale"] == [0.05, 0.05]
     assert meta["bbox"] == [[0, 0, 100], [780, 580, 139]]
     assert [path.name for path in tmp_path.iterdir()] == ["flat"]
+
+
+def test_a_sheet_at_and_below_zero_is_a_sheet(tmp_path):
+    xyz = grid_of_points() - [20, 20, 102]  # x, y and z take 0 and -1 to -2, but never all of them 0
+    xyz[..., 2] -= 0.5
+    np.testing.assert_array_equal(read_tifxyz(write(tmp_path / "a", xyz)).points, xyz.reshape(-1, 3))
 
 
 def test_points_below_the_volume_cannot_be_written(tmp_path):

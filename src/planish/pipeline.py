@@ -13,10 +13,13 @@ from planish.binarize import binarize
 from planish.flatten import direction_of_growth, to_page_frame, turned
 from planish.flatten import flatten as lay_flat
 from planish.mesh import Cleaned, clean, to_file_order
-from planish.render import Rendered, draw, project
+from planish.render import Rendered, draw, project, skew_degrees, upright_turn
 from planish.report import account
 from planish.settings import FlattenSettings, RestoreSettings, Rotation
-from planish.types import Flattening, Floats, Ints, Mesh, PageReport, Restoration, Scan
+from planish.types import Flattening, Floats, Ints, Mesh, Page, PageReport, Restoration, Scan
+
+LEVEL = 0.1
+"""Degrees by which lines of text may lean before the page is turned: a millimetre over 500."""
 
 Progress = Callable[[str, float], None]
 """Told the name of the stage and the share of it that is done."""
@@ -58,6 +61,12 @@ def restore(scan: Scan, settings: RestoreSettings | None = None, progress: Progr
     if scan.photo is not None:
         with stage("render"):
             rendered = draw(cleaned.scan, flat.page_xy, flat.size_mm, s.render)
+        with stage("turn"):
+            upright = _as_its_text_reads(flat, rendered.page) if s.rotate == "auto" else flat
+        if upright is not flat:
+            flat = upright
+            with stage("render"):
+                rendered = draw(cleaned.scan, flat.page_xy, flat.size_mm, s.render)
         if s.binarize.binarize != "none":
             with stage("binarize"):
                 binary = binarize(rendered.page, s.binarize)
@@ -128,7 +137,7 @@ class Stages:
         self.progress(name, 0.0)
         start = perf_counter()
         yield lambda share: self.progress(name, share)
-        self.seconds[name] = perf_counter() - start
+        self.seconds[name] = self.seconds.get(name, 0.0) + perf_counter() - start
         self.progress(name, 1.0)
 
 
@@ -151,6 +160,22 @@ def _the_right_way_round(cleaned: Cleaned, flat: Flattening, rotate: Rotation) -
     page_xy, size = to_page_frame(flat.page_xy, up, long_side_upright=rotate == "auto")
     if rotate not in ("auto", "0"):
         page_xy, size = turned(page_xy, float(rotate))
+    return replace(flat, page_xy=page_xy, size_mm=size)
+
+
+def _as_its_text_reads(flat: Flattening, page: Page) -> Flattening:
+    """The sheet turned so that its lines of text are level and upright; the same one where they are, or there is none.
+
+    The page is to be drawn anew afterwards, so that no pixel is filtered twice.
+    """
+    quarter, _ = upright_turn(page)
+    clockwise = -quarter // 90
+    skew, _ = skew_degrees(
+        replace(page, pixels=np.rot90(page.pixels, clockwise), known=np.rot90(page.known, clockwise))
+    )
+    if not quarter and abs(skew) <= LEVEL:
+        return flat
+    page_xy, size = turned(flat.page_xy, quarter - (skew if abs(skew) > LEVEL else 0.0))
     return replace(flat, page_xy=page_xy, size_mm=size)
 
 

@@ -13,6 +13,7 @@ from planish.errors import UsageError
 Lengths = Literal["smooth", "unfolded", "straight"]
 Method = Literal["multigrid", "verlet"]
 Binarization = Literal["none", "nick", "sauvola", "wolf", "trsingh", "bataineh", "su", "otsu"]
+Shading = Literal["geometry", "background", "none"]
 Rotation = Literal["auto", "0", "90", "180", "270"]
 
 
@@ -128,6 +129,21 @@ class RenderSettings:
 
 
 @dataclass(frozen=True, kw_only=True)
+class ShadingSettings:
+    """How shade is taken off the page.
+
+    Attributes
+    ----------
+    shading : {"geometry", "background", "none"}
+        geometry: find the lamp from the sheet's shape and divide its light out; pictures keep their greys.
+        background: without the shape, from the brightness of the page alone; any grey area wider than 6 mm is taken
+        for shade. none: leave the page as the photo shows it.
+    """
+
+    shading: Shading = "geometry"
+
+
+@dataclass(frozen=True, kw_only=True)
 class BinarizeSettings:
     """How the page becomes black and white.
 
@@ -165,7 +181,8 @@ class RestoreSettings:
     render : RenderSettings
     binarize : BinarizeSettings
     rotate : {"auto", "0", "90", "180", "270"}
-        auto: long side upright, the photo's top on top. A number: clockwise turn from the photo's way round.
+        auto: as the text reads; where there is none, long side upright and the photo's top on top. A number: clockwise
+        turn from the photo's way round.
     """
 
     flatten: FlattenSettings = field(default_factory=FlattenSettings)

@@ -48,7 +48,8 @@ def restore(
     units
         The unit of the scan's numbers. auto decides from the file and from its size, and says so.
     rotate
-        auto: long side upright, the photo's top on top. A number: clockwise turn from the photo's way round.
+        auto: as the text reads; where there is none, long side upright and the photo's top on top. A number: clockwise
+        turn from the photo's way round.
     binary
         Also write the page in black and white.
     flat

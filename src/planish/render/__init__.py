@@ -3,5 +3,6 @@
 from planish.mesh import project
 from planish.render.draw import Rendered, draw
 from planish.render.resolution import Resolution
+from planish.render.sense import skew_degrees, upright_turn
 
-__all__ = ["Rendered", "Resolution", "draw", "project"]
+__all__ = ["Rendered", "Resolution", "draw", "project", "skew_degrees", "upright_turn"]

@@ -55,7 +55,7 @@ def ink_of(page: Page) -> Ink:
         cv2.morphologyEx(dark, cv2.MORPH_OPEN, _box(1, RULE_MM * mm)),
     )
     dark[cv2.dilate(rules, _box(3, 3)) > 25] = 0
-    return Ink(dark.astype(np.float32) / 255, mm)
+    return Ink(dark.astype(np.float32) / np.float32(255), mm)
 
 
 def _grey(page: Page) -> NDArray[np.uint8]:
@@ -63,7 +63,7 @@ def _grey(page: Page) -> NDArray[np.uint8]:
     if pixels.dtype == np.bool_:
         return pixels.astype(np.uint8) * np.uint8(255)
     if pixels.dtype == np.uint16:
-        pixels = (pixels >> 8).astype(np.uint8)
+        pixels = (pixels // 256).astype(np.uint8)
     return np.asarray(cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY) if pixels.ndim == 3 else pixels, np.uint8)
 
 

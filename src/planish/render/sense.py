@@ -60,8 +60,8 @@ def skew_degrees(page: Page) -> tuple[float, float]:
     Examples
     --------
     >>> rows, cols = np.mgrid[:600, :900]
-    >>> lines = np.where((rows - cols * np.tan(np.radians(1.5))) % 25 < 8, 0, 255).astype(np.uint8)
-    >>> degrees, confidence = skew_degrees(Page(lines, np.ones(lines.shape, bool), 150.0))
+    >>> words = ((rows - cols * np.tan(np.radians(1.5))) % 25 < 8) & (cols % 40 < 30)
+    >>> degrees, confidence = skew_degrees(Page(~words, np.ones(words.shape, bool), 150.0))
     >>> round(degrees, 1), confidence > 0.7
     (1.5, True)
     """

@@ -1,0 +1,124 @@
+from functools import cache
+
+import cv2
+import numpy as np
+import pytest
+
+from planish.gallery import typeset_page
+from planish.gallery.prose import STORY
+from planish.render.sense import skew_degrees, upright_turn
+from planish.types import Page
+
+
+@cache
+def printed(**how):
+    return typeset_page(148, 210, dpi=150, point_size=9, **how)[0]
+
+
+def turned(page, degrees):
+    """Clockwise, by quarter turns or by any angle about the middle."""
+    if degrees % 90 == 0:
+        quarters = -round(degrees / 90)
+        return Page(np.rot90(page.pixels, quarters), np.rot90(page.known, quarters), page.dpi)
+    rows, cols = page.known.shape
+    turn = cv2.getRotationMatrix2D((cols / 2, rows / 2), -degrees, 1.0)
+    pixels = cv2.warpAffine(np.asarray(page.pixels), turn, (cols, rows), flags=cv2.INTER_CUBIC, borderValue=(255,) * 3)
+    return Page(pixels, page.known, page.dpi)
+
+
+def shaded(page, darkest=0.35):
+    """Darker towards the left, as beside a spine."""
+    light = np.linspace(darkest, 1, page.known.shape[1])[None, :, None]
+    return Page((page.pixels * light).astype(np.uint8), page.known, page.dpi)
+
+
+def page_of(pixels):
+    return Page(np.asarray(pixels, np.uint8), np.ones(np.shape(pixels)[:2], bool), 150.0)
+
+
+@pytest.mark.parametrize("degrees", [-5.0, -0.9, -0.06, 0.0, 0.13, 2.2])
+@pytest.mark.parametrize("columns", [1, 2])
+def test_the_skew_of_text_is_found_within_a_tenth_of_a_degree(columns, degrees):
+    found, confidence = skew_degrees(turned(printed(columns=columns), degrees))
+    assert abs(found - degrees) < 0.1  # what an archive asks of deskewing; at the page's rim a third of a millimetre
+    assert confidence > 0.9
+
+
+def test_the_two_pages_of_a_spread_do_not_pull_each_other_askew():
+    # The right page's lines lie a third of a line lower: joined across the spine they would slope by 0.3 degrees.
+    page = printed()
+    lower = np.roll(page.pixels, 7, axis=0)
+    spread = page_of(np.concatenate([page.pixels, lower], axis=1))
+    assert abs(skew_degrees(spread)[0]) < 0.05
+
+
+def test_skew_is_found_in_shade_and_has_no_taste_for_level():
+    for degrees in (0.05, 0.1, 0.15):  # between whole-pixel shifts of the strips, where sharpness misleads
+        assert abs(skew_degrees(turned(shaded(printed()), degrees))[0] - degrees) < 0.03
+
+
+@pytest.mark.parametrize("needed", [0, 90, 180, 270])
+@pytest.mark.parametrize("how", [{}, {"columns": 2}, {"picture": True, "stamp": True}, {"drawing": True}])
+def test_a_page_is_turned_upright_from_any_way_round(how, needed):
+    degrees, confidence = upright_turn(turned(shaded(printed(**how)), -needed))
+    assert degrees == needed
+    assert confidence > 0.5
+
+
+def test_a_landscape_page_is_upright_as_it_is():
+    assert upright_turn(typeset_page(210, 148, dpi=150, columns=2)[0])[0] == 0
+
+
+def test_a_tilted_page_upside_down_is_told():
+    assert upright_turn(turned(turned(printed(), 180), 2.5))[0] == 180
+
+
+def test_capitals_have_lines_but_no_certain_way_up():
+    page = typeset_page(148, 210, dpi=150, title=None, story=tuple(p.upper() for p in STORY), table=False)[0]
+    for way in (0, 180):
+        degrees, confidence = upright_turn(turned(page, way))
+        assert degrees == 0
+        assert confidence < 0.5
+    assert upright_turn(turned(page, 90))[0] in (90, 270)
+
+
+def test_what_was_not_seen_says_nothing():
+    page = printed()
+    known = page.known.copy()
+    known[:, : known.shape[1] // 2] = False
+    pixels = np.where(known[..., None], page.pixels, np.uint8(0))  # black, and its edge the strongest of all
+    degrees, _ = skew_degrees(Page(pixels, known, page.dpi))
+    assert abs(degrees) < 0.1
+    assert upright_turn(turned(Page(pixels, known, page.dpi), 180))[0] == 180
+
+
+def ruled():
+    page = np.full((800, 600), 255)
+    page[100:700:40, 50:550] = 0
+    page[100:700, 50:550:40] = 0
+    return page
+
+
+@pytest.mark.parametrize(
+    "pixels",
+    [
+        np.zeros((1, 1)),
+        np.full((600, 400), 230),
+        np.zeros((600, 400)),
+        ruled(),
+        cv2.GaussianBlur(np.random.default_rng(0).normal(128, 900, (800, 600)), (0, 0), 4).clip(0, 255),
+    ],
+    ids=["one pixel", "blank", "black", "squared", "clouds"],
+)
+def test_without_lines_of_text_a_page_stays_as_it_is(pixels):
+    degrees, confidence = skew_degrees(page_of(pixels))
+    assert degrees == 0
+    assert confidence < 0.7
+    assert upright_turn(page_of(pixels)) == (0, 0.0)
+
+
+def test_grey_16_bit_and_black_and_white_pages_are_read_alike():
+    page = turned(printed(), 1.0)
+    grey = cv2.cvtColor(np.asarray(page.pixels), cv2.COLOR_RGB2GRAY)
+    for pixels in (grey, page.pixels.astype(np.uint16) * 257, grey > 128):
+        assert abs(skew_degrees(Page(pixels, page.known, page.dpi))[0] - 1.0) < 0.05
