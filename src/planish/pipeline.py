@@ -16,7 +16,9 @@ from planish.mesh import Cleaned, clean, to_file_order
 from planish.render import Rendered, draw, project, skew_degrees, upright_turn
 from planish.report import account
 from planish.settings import FlattenSettings, RestoreSettings, Rotation
-from planish.types import Flattening, Floats, Ints, Mesh, Page, PageReport, Restoration, Scan
+from planish.shading import ShadingFit, unshade
+from planish.sticks import smooth_normals
+from planish.types import Flattening, Floats, Ints, Mesh, Page, PageReport, Restoration, Scan, ShadingReport
 
 LEVEL = 0.1
 """Degrees by which lines of text may lean before the page is turned: a millimetre over 500."""
@@ -57,7 +59,7 @@ def restore(scan: Scan, settings: RestoreSettings | None = None, progress: Progr
         flat = lay_flat(cleaned.scan.mesh, cleaned.topology, s.flatten, tell)
     with stage("turn"):
         flat = _the_right_way_round(cleaned, flat, s.rotate)
-    rendered = binary = None
+    rendered = unshaded = binary = None
     if scan.photo is not None:
         with stage("render"):
             rendered = draw(cleaned.scan, flat.page_xy, flat.size_mm, s.render)
@@ -67,15 +69,22 @@ def restore(scan: Scan, settings: RestoreSettings | None = None, progress: Progr
             flat = upright
             with stage("render"):
                 rendered = draw(cleaned.scan, flat.page_xy, flat.size_mm, s.render)
+        if s.shading.shading != "none":
+            with stage("unshade"):
+                normals = smooth_normals(cleaned.scan.mesh, cleaned.topology)
+                unshaded = unshade(rendered.page, cleaned.scan, flat.page_xy, normals, s.shading)
         if s.binarize.binarize != "none":
             with stage("binarize"):
-                binary = binarize(rendered.page, s.binarize)
+                binary = binarize(unshaded.page if unshaded else rendered.page, s.binarize)
     with stage("measure"):
-        warnings = [*cleaned.warnings, *flat.warnings]
+        warnings = [*cleaned.warnings, *flat.warnings, *(unshaded.fit.warnings if unshaded else ())]
         report = account(scan, cleaned, flat, _page_report(flat, rendered), stage.seconds, warnings)
+    if unshaded:
+        report = replace(report, shading=_shading_report(unshaded.fit))
     report = replace(report, seconds=stage.seconds, seconds_total=sum(stage.seconds.values()))
     flat = _in_file_order(cleaned, scan, flat)
-    return Restoration(flat, rendered.page if rendered else None, None, binary, report)
+    pages = (made.page if made else None for made in (rendered, unshaded))
+    return Restoration(flat, *pages, binary, report)
 
 
 def flatten(
@@ -182,6 +191,10 @@ def _as_its_text_reads(flat: Flattening, page: Page) -> Flattening:
 def _in_file_order(cleaned: Cleaned, scan: Scan, flat: Flattening) -> Flattening:
     values = to_file_order(cleaned, scan.mesh.points, np.c_[flat.page_xy, flat.error_mm, flat.local_strain])
     return replace(flat, page_xy=values[:, :2], error_mm=values[:, 2], local_strain=values[:, 3])
+
+
+def _shading_report(fit: ShadingFit) -> ShadingReport:
+    return ShadingReport(fit.method, fit.paper_share, fit.unevenness_before, fit.unevenness, fit.clipped_share)
 
 
 def _page_report(flat: Flattening, rendered: Rendered | None) -> PageReport:

@@ -179,6 +179,7 @@ class RestoreSettings:
     ----------
     flatten : FlattenSettings
     render : RenderSettings
+    shading : ShadingSettings
     binarize : BinarizeSettings
     rotate : {"auto", "0", "90", "180", "270"}
         auto: as the text reads; where there is none, long side upright and the photo's top on top. A number: clockwise
@@ -187,5 +188,6 @@ class RestoreSettings:
 
     flatten: FlattenSettings = field(default_factory=FlattenSettings)
     render: RenderSettings = field(default_factory=RenderSettings)
+    shading: ShadingSettings = field(default_factory=ShadingSettings)
     binarize: BinarizeSettings = field(default_factory=BinarizeSettings)
     rotate: Rotation = "auto"

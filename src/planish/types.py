@@ -306,6 +306,29 @@ class PageReport:
 
 
 @dataclass(frozen=True)
+class ShadingReport:
+    """How well the shade was taken off the page.
+
+    Attributes
+    ----------
+    method : str
+        "geometry" or "background".
+    paper_share : float
+        Part of the page that the light was found from.
+    unevenness_before, unevenness : float
+        From the 10 % to the 90 % quantile of the blank paper's grey, in parts of white.
+    clipped_share : float
+        Part of the page that is clipped in the photo: how bright it was there is not known.
+    """
+
+    method: str
+    paper_share: float
+    unevenness_before: float
+    unevenness: float
+    clipped_share: float
+
+
+@dataclass(frozen=True)
 class Report:
     """An account of one restoration in plain numbers and sentences; `dataclasses.asdict` of it is the JSON.
 
@@ -318,7 +341,8 @@ class Report:
     seconds_total : float
     seconds : dict
         Per stage.
-    scan, flatten, page : see there
+    scan, flatten, page, shading : see there
+        shading is None where none was removed.
     warnings : list of str
     """
 
@@ -331,6 +355,7 @@ class Report:
     flatten: FlattenReport
     page: PageReport
     warnings: list[str]
+    shading: ShadingReport | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,14 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from planish.cli.options import Output, Quiet, Units, Verbose
-from planish.settings import BinarizeSettings, FlattenSettings, RenderSettings, RestoreSettings, Rotation
+from planish.settings import (
+    BinarizeSettings,
+    FlattenSettings,
+    RenderSettings,
+    RestoreSettings,
+    Rotation,
+    ShadingSettings,
+)
 
 Flags = Parameter(name="*")
 
@@ -23,6 +30,7 @@ def restore(
     units: Units = "auto",
     flattening: Annotated[FlattenSettings, Flags] = FlattenSettings(),
     drawing: Annotated[RenderSettings, Flags] = RenderSettings(),
+    shading: Annotated[ShadingSettings, Flags] = ShadingSettings(),
     binarizing: Annotated[BinarizeSettings, Flags] = BinarizeSettings(),
     rotate: Rotation = "auto",
     binary: Path | None = None,
@@ -89,7 +97,7 @@ def restore(
     outputs = [path for path in (output, binary, flat, report) if path is not None]
     for path in outputs:
         check_writable(path, overwrite=overwrite)
-    settings = RestoreSettings(flatten=flattening, render=drawing, binarize=binarizing, rotate=rotate)
+    settings = RestoreSettings(flatten=flattening, render=drawing, shading=shading, binarize=binarizing, rotate=rotate)
     with progress(quiet=quiet) as tell:
         start = perf_counter()
         tell("read", 0.0)

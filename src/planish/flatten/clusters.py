@@ -21,7 +21,7 @@ from planish.types import Floats, Ints
 RADIUS = 26
 """Faces from a cluster's first face to its rim, at most."""
 
-SHORT = 0.02
+SHORT = 0.3
 """Edges shorter than this part of the median are not built upon: they tell no direction. Almost every face has a
 longer one; the few that do not become clusters of their own."""
 

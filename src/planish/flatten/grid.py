@@ -72,9 +72,9 @@ class Preconditioner(NamedTuple):
 
 def make_preconditioner(net: Net, edges: int, xy: Floats, run: Crew) -> Preconditioner:
     """Build the preconditioner for sticks that lie as they do in `xy`, of which the first `edges` are edges."""
-    low = xy.min(0)
-    side = _side(CELL * median_edge(net.rest[:edges]), xy.max(0) - low, len(xy))
-    cols, rows = ((xy.max(0) - low) / side).astype(int) + 1
+    low, size = _box(xy)
+    side = _side(CELL * median_edge(net.rest[:edges]), size, len(xy))
+    cols, rows = (size / side).astype(int) + 1
     node, share = np.empty(len(xy), np.int32), np.empty((len(xy), 2), np.float32)
     run(_locate, len(xy), xy, low, side, cols, node, share)
     own = stiffness(net, xy, run)
@@ -132,6 +132,16 @@ def _cycle(kappa: tuple[Float32s, ...], load: Float32s) -> Float32s:
 def _nodes(kappa: Float32s) -> Float32s:
     """Zeros for x and y at every node between the cells, with a rim of nodes that stay so."""
     return np.zeros((kappa.shape[0] + 1, kappa.shape[1] + 1, 2), np.float32)
+
+
+@njit(cache=True, nogil=True)
+def _box(xy):  # type: ignore[no-untyped-def]
+    """Lower left corner of the box around points, and its size."""
+    low, high = xy[0].copy(), xy[0].copy()
+    for i in range(len(xy)):
+        for d in range(2):
+            low[d], high[d] = min(low[d], xy[i, d]), max(high[d], xy[i, d])
+    return low, high - low
 
 
 @njit(cache=True, nogil=True)

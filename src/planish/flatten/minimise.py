@@ -89,7 +89,7 @@ def minimise(
         history = _remember(history, share * step, new_gradient - gradient, run)
         xy, value, gradient = xy + share * step, new_value, new_gradient
         values.append(value)
-    square = max(float((net.weight * net.rest) @ net.rest), 1e-300)
+    square = max(float(np.sum(net.weight * net.rest * net.rest)), 1e-300)
     return xy, outcome, np.sqrt(2 * np.array(values) / square)
 
 

@@ -97,6 +97,7 @@ def relax(
     side = edge * float(np.sqrt(len(mesh.points)))
     with crew() as run:
         xy, piece = lay_out(mesh.faces, topology, rest, len(mesh.points), run)
+        xy, _ = untangle(xy, mesh.faces, topology, rest)  # sticks can hold a flipped face down for a hundred steps
         tell(0.3)
         piece, count = number_pieces(piece)
         if count > 1:

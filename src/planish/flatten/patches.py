@@ -66,18 +66,16 @@ def make_patches(xy: Floats, edges: Ints, mass: Floats, low: Floats, side: float
     side : float [mm]
         Of its cells.
     """
-    place, patch, count = _split(xy, edges, low, side)
+    patch, cell, size = _split(xy, edges, low, side)
     across = _between(edges, patch)
-    heir = _heirs(patch[across], np.bincount(patch, minlength=count))
-    cell = np.empty((count, 2), np.int64)
-    cell[patch] = place
-    keeps = heir == np.arange(count)
-    number = np.cumsum(keeps, dtype=np.int32) - np.int32(1)
-    patch, cell = number[heir][patch], cell[keeps]
+    heir = _heirs(patch[across], size)
+    keeps = heir == np.arange(len(heir))
+    number = (np.cumsum(keeps, dtype=np.int32) - np.int32(1))[heir]
+    cell = cell[keeps]
+    share, mass_of_patch = _assign(xy, mass, low, side, number, cell, patch)
     across = _between(across, patch)
     corner, nodes = _share_corners(cell, patch[across])
-    matrix = _stiffness(corner, np.bincount(patch, mass) / side**2, nodes)
-    share = _shares(xy, low, side, patch, cell)
+    matrix = _stiffness(corner, mass_of_patch / side**2, nodes)
     far = across[np.abs(cell[patch[across[:, 0]]] - cell[patch[across[:, 1]]]).max(1) > 1]
     if len(far):
         matrix = matrix + _long_edges(xy, far, corner[patch], share, nodes)
@@ -130,7 +128,7 @@ def _number(parent):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _split(xy, edges, low, side):  # type: ignore[no-untyped-def]
-    """Column and row of the cell of each point; its patch; how many there are."""
+    """Patch of each point; column and row of the cell of each patch, and how many points it has."""
     place = np.empty((len(xy), 2), np.int32)
     for i in range(len(xy)):
         place[i, 0], place[i, 1] = int((xy[i, 0] - low[0]) / side), int((xy[i, 1] - low[1]) / side)
@@ -140,7 +138,11 @@ def _split(xy, edges, low, side):  # type: ignore[no-untyped-def]
         if place[i, 0] == place[j, 0] and place[i, 1] == place[j, 1]:
             _join(parent, i, j)
     patch, count = _number(parent)
-    return place, patch, count
+    cell, size = np.empty((count, 2), np.int64), np.zeros(count, np.int64)
+    for i in range(len(xy)):
+        cell[patch[i], 0], cell[patch[i], 1] = place[i, 0], place[i, 1]
+        size[patch[i]] += 1
+    return patch, cell, size
 
 
 @njit(cache=True, nogil=True)
@@ -156,12 +158,16 @@ def _between(edges, patch):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _shares(xy, low, side, patch, cell):  # type: ignore[no-untyped-def]
-    share = np.empty_like(xy)
+def _assign(xy, mass, low, side, number, cell, patch):  # type: ignore[no-untyped-def]
+    """Give each point the new number of its patch, its share of the cell, and its mass to the patch."""
+    share, total = np.empty_like(xy), np.zeros(len(cell))
     for i in range(len(xy)):
+        p = number[patch[i]]
+        patch[i] = p
+        total[p] += mass[i]
         for d in range(2):
-            share[i, d] = (xy[i, d] - low[d]) / side - cell[patch[i], d]
-    return share
+            share[i, d] = (xy[i, d] - low[d]) / side - cell[p, d]
+    return share, total
 
 
 @njit(cache=True, nogil=True)

@@ -1,6 +1,6 @@
 """tifxyz, the folder in which the Vesuvius Challenge keeps a segmented sheet: a grid of points in space.
 
-x.tif, y.tif and z.tif hold the coordinates, meta.json the grid's points per unit (`scale`); where z is not above 0
+x.tif, y.tif and z.tif hold the coordinates, meta.json the grid's points per unit (`scale`); where all three are -1
 there is no surface, nor where mask.tif (if there is one) is below 255.
 """
 
@@ -44,8 +44,8 @@ def read_tifxyz(path: Path) -> FileMesh:
     for axis, grid in zip("yz", xyz[1:], strict=True):
         if grid.shape != xyz[0].shape:
             raise InputError(f"{path}: x.tif has {_size(xyz[0])} points, but {axis}.tif {_size(grid)}")
-    x, _, z = xyz
-    known = np.isfinite(np.stack(xyz)).all(0) & (z > 0) & (x != _NO_SURFACE)
+    stack = np.stack(xyz)
+    known = np.isfinite(stack).all(0) & (stack[2] != _NO_SURFACE) & stack.any(0)
     warnings = []
     if (path / "mask.tif").is_file():
         keep = _mask(path / "mask.tif", known.shape)
@@ -114,7 +114,7 @@ def write_tifxyz(path: Path, xyz: Floats, per_unit: float) -> None:
     Raises
     ------
     OutputError
-        If a point has z at or below 0, which readers take for no surface, and as for every file.
+        If a point has z at or below 0, which scroll readers take for no surface, and as for every file.
     """
     known = np.isfinite(xyz).all(-1)
     lowest = xyz[known, 2].min(initial=np.inf)

@@ -7,7 +7,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from planish.errors import UsageError
+from planish.errors import InputError, UsageError
 from planish.types import Floats
 
 Unit = Literal["mm", "cm", "m", "in"]
@@ -75,6 +75,10 @@ def decide_unit(points: Floats, asked: str, named: Unit | None) -> tuple[Unit, l
     if asked not in ("auto", *get_args(Unit)):
         raise UsageError(f"the unit must be one of auto, {', '.join(get_args(Unit))}, not {asked}")
     diagonal = _diagonal(points)
+    if not np.isfinite(diagonal):
+        raise InputError(
+            "some points lie so far from the others that no number holds the distance; is the file damaged?"
+        )
     if asked != "auto" or named:
         unit: Unit = named if asked == "auto" and named else asked  # type: ignore[assignment]
         return unit, _doubt(diagonal * MM_PER_UNIT[unit], unit)
@@ -95,7 +99,8 @@ def decide_unit(points: Floats, asked: str, named: Unit | None) -> tuple[Unit, l
 
 def _diagonal(points: Floats) -> float:
     finite = points[np.isfinite(points).all(1)]
-    return float(np.linalg.norm(np.ptp(finite, axis=0))) if len(finite) else 0.0
+    with np.errstate(over="ignore"):  # then it is infinite
+        return float(np.linalg.norm(np.ptp(finite, axis=0))) if len(finite) else 0.0
 
 
 def _is_page(diagonal_mm: float) -> bool:

@@ -28,5 +28,14 @@ def summary(report: Report) -> list[tuple[str, str]]:
             ),
             ("seen", f"{100 * (page.known_fraction or 0):.1f} % of the page"),
         ]
+    if report.shading is not None:
+        light = report.shading
+        rows.append(
+            (
+                "paper",
+                f"even to {100 * light.unevenness:.1f} % of white ({100 * light.unevenness_before:.0f} % before), by "
+                f"{light.method}",
+            )
+        )
     stages = ", ".join(f"{stage} {seconds:.2f}" for stage, seconds in report.seconds.items())
     return [*rows, ("seconds", f"{report.seconds_total:.2f} ({stages})")]

@@ -48,15 +48,15 @@ class Light:
         """Share of the light on the sheet's middle that comes from all around."""
         return float(1 / (1 + np.exp(-self.numbers[4])))
 
-    def log_brightness(self, points: Floats, normals: Floats, off_axis: Floats) -> Floats:
-        """Natural logarithm of the brightness that paper has at (..., 3) points."""
+    def log_brightness(self, points: Floats, normals: Floats, off_axis: Floats, lit: Floats | float = 1.0) -> Floats:
+        """Natural logarithm of the brightness that paper has at (..., 3) points that see a share of the lamp."""
         way = self.lamp - points
         distance = np.linalg.norm(way, axis=-1)
         facing = np.maximum(np.einsum("...i,...i->...", normals, way) / distance, 0)
         near = (np.linalg.norm(self.numbers[:3]) * self.size / distance) ** 2
         around = np.maximum(1 + normals @ self.numbers[5:8], 0.05)
         lens = -2 * np.log1p(np.exp(self.numbers[8]) * off_axis**2)
-        light = self.ambient * around + (1 - self.ambient) * facing * near
+        light = self.ambient * around + (1 - self.ambient) * lit * facing * near
         return np.asarray(self.numbers[3] + lens + np.log(np.maximum(light, 1e-4)))
 
 
@@ -82,8 +82,10 @@ def fit(points: Floats, normals: Floats, off_axis: Floats, brightness: Floats) -
     middle = points.mean(axis=0)
     size = float(np.linalg.norm(np.ptp(points, axis=0)))
     log = np.log(brightness)
-    tries = [_round(Light(middle, size, start), points, normals, off_axis, log, DARKER[0], 6) for start in _starts(normals, log)]
-    tries.sort(key=lambda light: _cost(light, points, normals, off_axis, log, DARKER[2]))
+    few = slice(None, None, 4)
+    rough = points[few], normals[few], off_axis[few], log[few]
+    tries = [_round(Light(middle, size, start), *rough, DARKER[0], 6) for start in _starts(normals, log)]
+    tries.sort(key=lambda light: _cost(light, *rough, DARKER[2]))
     best = tries[:2]
     for darker in DARKER[1:]:
         best = [_round(light, points, normals, off_axis, log, darker, 20) for light in best]
@@ -110,7 +112,7 @@ def _round(
         model = Light(light.middle, light.size, numbers).log_brightness(points, normals, off_axis)
         return np.r_[robust(log - model, darker), pull * (numbers - START_OF_PRIOR)]
 
-    found = least_squares(misfit, start, method="trf", x_scale="jac", max_nfev=steps)
+    found = least_squares(misfit, start, method="lm", x_scale="jac", max_nfev=steps * (len(start) + 1))
     return Light(light.middle, light.size, found.x)
 
 

@@ -49,7 +49,7 @@ def surface_under(cells: Cells, scan: Scan, page_xy: Floats, normals: Floats) ->
     first = carried[corner[..., 0]]
     at = first + w[..., :1] * (carried[corner[..., 1]] - first) + w[..., 1:] * (carried[corner[..., 2]] - first)
     length = np.linalg.norm(at[..., 3:6], axis=2, keepdims=True)
-    return Surface(at[..., :3], at[..., 3:6] / np.maximum(length, 1e-9), at[..., 6], face >= 0)
+    return Surface(at[..., :3], at[..., 3:6] / np.maximum(length, 1e-9), at[..., 6], (face >= 0) & (length[..., 0] > 0))
 
 
 def _off_axis(scan: Scan) -> Floats:

@@ -2,65 +2,76 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numba import njit
 
+from planish.mesh import Topology
 from planish.sticks.crew import Crew
-from planish.types import Bools, Floats, Ints
+from planish.sticks.normals import PLACE, Ring, Rows
+from planish.sticks.vectors import dot, minus, row
+from planish.types import Floats, Ints
 
 
-def residuals(points: Floats, rows: Floats, ring: tuple[Ints, Ints], run: Crew) -> Floats:
-    """(n,) how far every point sticks out of its ring, less how far the ring's points do on average [mm].
+def angle_defects(rest: Floats, faces: Ints, topology: Topology, point_count: int, run: Crew) -> Floats:
+    """|2 pi - sum of the angles| at the points inside the sheet, for triangles of the edge lengths `rest`.
 
-    Bending cancels in the difference, noise does not. NaN where a point has fewer than five neighbours.
+    Nought where a sheet can lie flat, whatever its shape; noise makes it buckle everywhere.
     """
-    start, neighbour = ring
-    height, out = np.empty(len(points), np.float32), np.empty(len(points), np.float32)
-    run(_heights, len(points), points, rows, start, neighbour, height)
-    run(_less_ring, len(points), height, start, neighbour, out)
-    return out
+    angles = np.empty((len(faces), 3), np.float32)
+    run(_angles, len(faces), rest, topology.face_edges, angles)
+    sums = _sum_corners(angles, faces, point_count)
+    inner = np.ones(point_count, bool)
+    inner[topology.edges[topology.edge_uses != 2]] = False
+    return np.abs(2 * np.pi - sums[inner])
 
 
-def angle_defect(rest: Floats, faces: Ints, face_edges: Ints, inner: Bools) -> float:
-    """Median over the inner points of |2 pi - sum of the angles|, for triangles of the edge lengths `rest`."""
-    sums = _angle_sums(rest, faces, face_edges, len(inner))
-    return float(np.median(np.abs(2 * np.pi - sums[inner]))) if inner.any() else 0.0
+def ring_noise(points: Floats, rows: Rows, ring: Ring, run: Crew) -> float:
+    """Standard deviation of white noise [mm], from how far points stick out of their rings.
 
-
-@njit(cache=True, nogil=True)
-def _heights(first, last, points, rows, start, neighbour, out):  # type: ignore[no-untyped-def]
-    for i in range(first, last):
-        x, y, z = 0.0, 0.0, 0.0
-        for q in range(start[i], start[i + 1]):
-            j = neighbour[q]
-            x += points[j, 0] - points[i, 0]
-            y += points[j, 1] - points[i, 1]
-            z += points[j, 2] - points[i, 2]
-        count = max(start[i + 1] - start[i], 1)
-        out[i] = -(rows[i, 0] * x + rows[i, 1] * y + rows[i, 2] * z) / count
-
-
-@njit(cache=True, nogil=True)
-def _less_ring(first, last, height, start, neighbour, out):  # type: ignore[no-untyped-def]
-    for i in range(first, last):
-        count = start[i + 1] - start[i]
-        if count < 5:
-            out[i] = np.nan
-            continue
-        mean = 0.0
-        for q in range(start[i], start[i + 1]):
-            mean += height[neighbour[q]]
-        out[i] = height[i] - mean / count
+    Bending cancels in the difference of a point's height and its ring's mean height, noise does not: its standard
+    deviation is 1.36 sigma on a regular mesh (within 3 % of the truth on scans with white noise).
+    """
+    height, off = np.empty(len(points), np.float32), np.empty(len(points), np.float32)
+    run(_heights, len(points), points, rows, ring, height)
+    run(_less_ring, len(points), height, ring, off)
+    off = off[np.isfinite(off)]
+    return 1.4826 / 1.36 * float(np.median(np.abs(off))) if len(off) else 0.0
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _angle_sums(rest, faces, face_edges, point_count):  # type: ignore[no-untyped-def]
-    sums = np.zeros(point_count)
-    for f in range(len(faces)):
+def _angles(first, last, rest, face_edges, out):  # type: ignore[no-untyped-def]
+    for f in range(first, last):
         for k in range(3):  # edge k joins corners k and k + 1, so edge k + 1 lies opposite to corner k
             u, v = rest[face_edges[f, k]], rest[face_edges[f, (k + 2) % 3]]
-            o = rest[face_edges[f, (k + 1) % 3]]
-            if u > 0.0 and v > 0.0:
-                cosine = (u * u + v * v - o * o) / (2.0 * u * v)
-                sums[faces[f, k]] += np.arccos(min(1.0, max(-1.0, cosine)))
+            opposite = rest[face_edges[f, (k + 1) % 3]]
+            cosine = (u * u + v * v - opposite * opposite) / (2.0 * u * v) if u > 0.0 and v > 0.0 else 1.0
+            out[f, k] = math.acos(min(1.0, max(-1.0, cosine)))
+
+
+@njit(cache=True, nogil=True)
+def _sum_corners(angles, faces, point_count):  # type: ignore[no-untyped-def]
+    sums = np.zeros(point_count)
+    for f in range(len(faces)):
+        for k in range(3):
+            sums[faces[f, k]] += angles[f, k]
     return sums
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _heights(first, last, points, rows, ring, out):  # type: ignore[no-untyped-def]
+    for i in range(first, last):
+        total = 0.0
+        for q in range(ring.start[i], ring.start[i + 1]):
+            total += dot(row(rows, i), minus(row(points, i), row(points, ring.neighbour[q])))
+        out[i] = total / max(ring.start[i + 1] - ring.start[i], 1)
+
+
+@njit(cache=True, nogil=True)
+def _less_ring(first, last, height, ring, out):  # type: ignore[no-untyped-def]
+    for i in range(first, last):
+        count, mean = ring.start[i + 1] - ring.start[i], 0.0
+        for q in range(ring.start[i], ring.start[i + 1]):
+            mean += height[ring.neighbour[q]]
+        out[i] = height[i] - mean / count if count >= 5 else np.nan

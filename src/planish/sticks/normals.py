@@ -1,125 +1,105 @@
-"""Normals without noise, sharp at creases."""
+"""Normals of a scanned surface: area-weighted ones of its triangles, and their smoothing that stops at creases."""
 
 from __future__ import annotations
+
+import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from planish.sticks.crew import Crew
+from planish.sticks.vectors import cross, minus, plus, row, square, times
 from planish.types import Floats, Ints
 
 Rows = NDArray[np.float32]
-"""(n, 4) unit normal and area of every point, in one cache line."""
+"""(n, 8): unit normal, area of the point's faces, the place the normal belongs to [mm], spread of the ring's normals.
 
-CREASE_PLACE = 0.6
-"""A point belongs to a crease if more than this share of its ring lies across: 0.5 takes in whole borders of folds."""
+32 bytes, so that one cache line brings two points. The place is the point itself at first; it is averaged with the
+normals, as an average normal belongs to the average place.
+"""
+
+AREA, PLACE, SPREAD = 3, 4, 7
+
+SAMPLE = 20_000
+"""Edges or points that a median is taken over: its error is then under 1 %."""
 
 
-def normal_rows(points: Floats, faces: Ints) -> Rows:
-    """(n, 4) area-weighted unit normal of every point and twice the area of its faces [mm^2]."""
-    return np.asarray(_normal_rows(points, faces))
+class Ring(NamedTuple):
+    """Neighbours of every point, as compressed rows (see `planish.mesh.neighbours`)."""
+
+    start: Ints
+    neighbour: Ints
 
 
-def diffuse(rows: Rows, ring: tuple[Ints, Ints], reach: float, run: Crew) -> Rows:
-    """One round of smoothing that stops at creases.
-
-    N_i <- unit(A_i N_i + sum over the ring of A_j (1 - |N_i - N_j|^2 / reach)_+^2 N_j)
-    """
-    out = np.empty_like(rows)
-    run(_diffuse, len(rows), rows, *ring, np.float32(1 / reach), out)
-    return out
+def surface_rows(points: Floats, faces: Ints) -> Rows:
+    """Area-weighted normals at the points themselves."""
+    return np.asarray(_surface_rows(points, faces))
 
 
 def typical_step(rows: Rows, edges: Ints) -> float:
-    """Median |N_i - N_j|^2 over some 20,000 of the edges."""
-    some = edges[:: max(1, len(edges) // 20_000)]
+    """Median |N_i - N_j|^2 over a sample of the edges."""
+    some = edges[:: max(1, len(edges) // SAMPLE)]
     step = rows[some[:, 0], :3] - rows[some[:, 1], :3]
     return float(np.median(np.einsum("ij,ij->i", step, step))) if len(some) else 0.0
 
 
-def to_crease_sides(points: Floats, rows: Rows, ring: tuple[Ints, Ints], sigma: float, spacing: float, run: Crew) -> Rows:
-    """Give points on a crease, whose normal is a mixture, that of the side they lie on."""
-    spread = np.empty(len(rows), np.float32)
-    run(_spread, len(rows), rows, *ring, spread)
-    typical = float(np.median(spread))
-    out = rows.copy()
-    blur = 2 * sigma**2 + 1e-4 * spacing**2
-    run(_choose_side, len(rows), points, rows, *ring, spread, max(typical, 1e-12), blur, out)
+def diffuse(rows: Rows, ring: Ring, reach: float, run: Crew) -> Rows:
+    """One round of smoothing; neighbours whose normal differs by more than sqrt(reach) are left out.
+
+    N_i <- unit(A_i N_i + sum over the ring of w_ij N_j),  w_ij = A_j (1 - |N_i - N_j|^2 / reach)_+^2
+    """
+    out = np.empty_like(rows)
+    run(_diffuse, len(rows), rows, ring, np.float32(1 / max(reach, 1e-12)), out)
     return out
 
 
-@njit(cache=True, nogil=True)
-def _normal_rows(points, faces):  # type: ignore[no-untyped-def]
-    out = np.zeros((len(points), 4), np.float32)
+@njit(cache=True, nogil=True, error_model="numpy")
+def _surface_rows(points, faces):  # type: ignore[no-untyped-def]
+    out = np.zeros((len(points), 8), np.float32)
     for f in range(len(faces)):
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-        ux, uy, uz = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]
-        vx, vy, vz = points[c, 0] - points[a, 0], points[c, 1] - points[a, 1], points[c, 2] - points[a, 2]
-        x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+        at = row(points, a)
+        n = cross(minus(row(points, b), at), minus(row(points, c), at))
         for i in (a, b, c):
-            out[i, 0] += x
-            out[i, 1] += y
-            out[i, 2] += z
+            for k in range(3):
+                out[i, k] += n[k]
     for i in range(len(points)):
-        length = np.sqrt(out[i, 0] ** 2 + out[i, 1] ** 2 + out[i, 2] ** 2)
-        out[i, 3] = length
-        if length > 0.0:
-            out[i, :3] /= length
+        area = math.sqrt(square(row(out, i)))
+        for k in range(3):
+            out[i, k] /= area if area > 0.0 else 1.0
+            out[i, PLACE + k] = points[i, k]
+        out[i, AREA] = 0.5 * area
     return out
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _diffuse(first, last, rows, start, neighbour, scale, out):  # type: ignore[no-untyped-def]
-    one, tiny = np.float32(1), np.float32(1e-30)
+def _diffuse(first, last, rows, ring, scale, out):  # type: ignore[no-untyped-def]
     for i in range(first, last):
-        x, y, z, area = rows[i, 0], rows[i, 1], rows[i, 2], rows[i, 3]
-        sx, sy, sz = area * x, area * y, area * z
-        for q in range(start[i], start[i + 1]):
-            j = neighbour[q]
-            u, v, w = rows[j, 0], rows[j, 1], rows[j, 2]
-            near = one - scale * ((u - x) ** 2 + (v - y) ** 2 + (w - z) ** 2)
-            if near > 0:
-                near = near * near * rows[j, 3]
-                sx += near * u
-                sy += near * v
-                sz += near * w
-        shrink = one / max(np.sqrt(sx * sx + sy * sy + sz * sz), tiny)
-        out[i, 0], out[i, 1], out[i, 2], out[i, 3] = sx * shrink, sy * shrink, sz * shrink, area
+        n, total = row(rows, i), rows[i, AREA]
+        normal, place = times(total, n), times(total, row(rows, i, PLACE))
+        for q in range(ring.start[i], ring.start[i + 1]):
+            j = ring.neighbour[q]
+            weight = closeness(n, row(rows, j), scale) * rows[j, AREA]
+            normal, place = plus(normal, weight, row(rows, j)), plus(place, weight, row(rows, j, PLACE))
+            total += weight
+        store(out, rows, i, normal, place, total)
 
 
 @njit(cache=True, nogil=True)
-def _spread(first, last, rows, start, neighbour, out):  # type: ignore[no-untyped-def]
-    """|N_i - N_j|^2 at the CREASE_PLACE of the ring in ascending order."""
-    steps = np.empty(64, np.float32)
-    for i in range(first, last):
-        count = min(start[i + 1] - start[i], len(steps))
-        for k in range(count):
-            j, at = neighbour[start[i] + k], k
-            step = (rows[i, 0] - rows[j, 0]) ** 2 + (rows[i, 1] - rows[j, 1]) ** 2 + (rows[i, 2] - rows[j, 2]) ** 2
-            while at > 0 and steps[at - 1] > step:
-                steps[at] = steps[at - 1]
-                at -= 1
-            steps[at] = step
-        out[i] = steps[min(int(CREASE_PLACE * count), count - 1)] if count > 0 else 0.0
+def closeness(a, b, scale):  # type: ignore[no-untyped-def]
+    """(1 - |a - b|^2 scale)_+^2: Tukey's weight, which leaves outliers out altogether."""
+    near = np.float32(1) - scale * square(minus(a, b))
+    return near * near if near > 0 else np.float32(0)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _choose_side(first, last, points, rows, start, neighbour, spread, typical, blur, out):  # type: ignore[no-untyped-def]
-    for i in range(first, last):
-        if spread[i] <= max(9.0 * typical, 0.02):
-            continue
-        best = np.inf
-        for q in range(start[i], start[i + 1]):
-            j = neighbour[q]
-            if spread[j] >= spread[i] / 6.0:
-                continue
-            off = (
-                rows[j, 0] * (points[i, 0] - points[j, 0])
-                + rows[j, 1] * (points[i, 1] - points[j, 1])
-                + rows[j, 2] * (points[i, 2] - points[j, 2])
-            )
-            cost = 3.0 * np.log(1.0 + spread[j] / typical) + off * off / blur
-            if cost < best:
-                best = cost
-                out[i, :3] = rows[j, :3]
+def store(out, rows, i, normal, place, total):  # type: ignore[no-untyped-def]
+    """Write down weighted sums as a unit normal and its place; a sum of nothing changes nothing."""
+    length = np.sqrt(square(normal))
+    out[i] = rows[i]
+    if length > 0 and total > 0:
+        for k in range(3):
+            out[i, k] = normal[k] / length
+            out[i, PLACE + k] = place[k] / total

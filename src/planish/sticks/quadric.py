@@ -1,75 +1,122 @@
-"""The normal of a surface at its edge, from a quadric fitted to the points of one side."""
+"""The normal at the end of a surface, from a quadric fitted to the points of its own side."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 from numba import njit
 
 from planish.sticks.crew import Crew
+from planish.sticks.normals import Ring, Rows
+from planish.sticks.vectors import dot, minus, plus, row, square, tangents, unit
 from planish.types import Floats, Ints
 
 RINGS = 4
-SAME_SIDE = np.cos(np.radians(20.0))
+MOST = 96
+LEAST = 12
+SAME_SIDE = (2 * math.sin(math.radians(20.0) / 2)) ** 2
+FARTHEST = math.cos(math.radians(20.0))
+ROUNDS = 3
+UNKNOWNS = 6
 
 
-def refine(points: Floats, rows: Floats, ring: tuple[Ints, Ints], at: Ints, sigma: float, run: Crew) -> Floats:
-    """Refit the normals of the points `at`, and leave the others."""
-    out = rows.copy()
-    run(_refine, len(at), points, rows, *ring, at, sigma, out)
+def refit(points: Floats, normals: Rows, ring: Ring, at: Ints, noise_mm: float, run: Crew) -> Rows:
+    """Fit the normals at some of the points anew, and leave the others.
+
+    Parameters
+    ----------
+    normals : (n, 3) float32
+    at : (k,) int32
+    noise_mm : float
+        Points off the quadric by several times this, or by several times what most are off, do not count.
+    """
+    out = normals.copy()
+    run(_refit, len(at), points, normals, ring, at, noise_mm, out)
     return out
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _refine(first, last, points, rows, start, neighbour, at, sigma, out):  # type: ignore[no-untyped-def]
+def _refit(first, last, points, normals, ring, at, noise_mm, out):  # type: ignore[no-untyped-def]
+    near = np.empty(MOST, np.int32)
+    terms, height, weight = np.empty((MOST, UNKNOWNS)), np.empty(MOST), np.empty(MOST)
+    matrix = np.empty((UNKNOWNS, UNKNOWNS + 1))
     for k in range(first, last):
         i = at[k]
-        near = _same_side(i, rows, start, neighbour)
-        if len(near) >= 12:
-            _fit(points, rows, i, near, sigma, out)
+        count = _same_side(i, normals, ring, near)
+        if count < LEAST:
+            continue
+        n = row(normals, i)
+        s, t = tangents(n)
+        for q in range(count):
+            step = minus(row(points, near[q]), row(points, i))
+            u, v, height[q], weight[q] = dot(step, s), dot(step, t), dot(step, n), 1.0
+            terms[q, 0], terms[q, 1], terms[q, 2] = 1.0, u, v
+            terms[q, 3], terms[q, 4], terms[q, 5] = u * u, u * v, v * v
+        for _ in range(ROUNDS):
+            _solve(terms, height, weight, count, matrix)
+            _reweigh(terms, height, matrix[:, UNKNOWNS], noise_mm, weight, count)
+        fitted = unit(plus(plus(n, -matrix[1, UNKNOWNS], s), -matrix[2, UNKNOWNS], t))
+        if dot(fitted, n) > FARTHEST:
+            for c in range(3):
+                out[i, c] = fitted[c]
 
 
 @njit(cache=True, nogil=True)
-def _same_side(i, rows, start, neighbour):  # type: ignore[no-untyped-def]
-    near, seen = [i], {i}
-    begin = 0
+def _same_side(i, normals, ring, near):  # type: ignore[no-untyped-def]
+    """Points within RINGS rings that are reached without crossing a crease."""
+    near[0], count, begin = i, 1, 0
     for _ in range(RINGS):
-        end = len(near)
-        for q in range(begin, end):
-            for r in range(start[near[q]], start[near[q] + 1]):
-                j = neighbour[r]
-                agree = rows[j, 0] * rows[i, 0] + rows[j, 1] * rows[i, 1] + rows[j, 2] * rows[i, 2]
-                if agree > SAME_SIDE and j not in seen:
-                    seen.add(j)
-                    near.append(j)
+        end = count
+        for a in range(begin, end):
+            for q in range(ring.start[near[a]], ring.start[near[a] + 1]):
+                j = ring.neighbour[q]
+                if count == MOST or square(minus(row(normals, j), row(normals, i))) > SAME_SIDE:
+                    continue
+                known = False
+                for b in range(count):
+                    known = known or near[b] == j
+                if not known:
+                    near[count] = j
+                    count += 1
         begin = end
-    return near
+    return count
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _fit(points, rows, i, near, sigma, out):  # type: ignore[no-untyped-def]
-    n = rows[i, :3].astype(np.float64)
-    s = np.array([0.0, n[2], -n[1]]) if abs(n[0]) < 0.9 else np.array([-n[2], 0.0, n[0]])
-    s /= np.sqrt(s @ s)
-    t = np.cross(n, s)
-    basis = np.empty((len(near), 6))
-    height = np.empty(len(near))
-    for q in range(len(near)):
-        d = points[near[q]] - points[i]
-        u, v = d @ s, d @ t
-        height[q] = d @ n
-        basis[q, 0], basis[q, 1], basis[q, 2], basis[q, 3], basis[q, 4], basis[q, 5] = 1.0, u, v, u * u, u * v, v * v
-    weight = np.ones(len(near))
-    c = np.zeros(6)
-    for _ in range(4):
-        weighted = basis * weight.reshape(-1, 1)
-        normal_matrix = basis.T @ weighted
-        for x in range(6):
-            normal_matrix[x, x] += 1e-9 * (1.0 + normal_matrix[x, x])
-        c = np.linalg.solve(normal_matrix, weighted.T @ height)
-        off = np.abs(height - basis @ c)
-        scale = 4.0 * max(1.4826 * np.median(off), 0.3 * sigma, 1e-9)
-        weight = np.maximum(1.0 - (off / scale) ** 2, 0.0) ** 2
-    m = n - c[1] * s - c[2] * t
-    m /= np.sqrt(m @ m)
-    if m @ n > SAME_SIDE:
-        out[i, :3] = m
+def _solve(terms, height, weight, count, matrix):  # type: ignore[no-untyped-def]
+    """Weighted least squares by elimination; the unknowns are left in the last column."""
+    matrix[:] = 0.0
+    for q in range(count):
+        for x in range(UNKNOWNS):
+            scaled = weight[q] * terms[q, x]
+            for y in range(x, UNKNOWNS):
+                matrix[x, y] += scaled * terms[q, y]
+            matrix[x, UNKNOWNS] += scaled * height[q]
+    for x in range(UNKNOWNS):
+        matrix[x, x] += 1e-9 * (1.0 + matrix[x, x])
+        for y in range(x):
+            matrix[x, y] = matrix[y, x]
+    for x in range(UNKNOWNS):  # positive definite: needs no pivots
+        for y in range(UNKNOWNS):
+            if y != x:
+                factor = matrix[y, x] / matrix[x, x]
+                for c in range(x, UNKNOWNS + 1):
+                    matrix[y, c] -= factor * matrix[x, c]
+    for x in range(UNKNOWNS):
+        matrix[x, UNKNOWNS] /= matrix[x, x]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _reweigh(terms, height, unknown, noise_mm, weight, count):  # type: ignore[no-untyped-def]
+    """Tukey's weights: none to points that are off by more than four times what points are off by on average."""
+    total, squares = 1e-30, 0.0
+    for q in range(count):
+        off = height[q]
+        for x in range(UNKNOWNS):
+            off -= unknown[x] * terms[q, x]
+        total, squares = total + weight[q], squares + weight[q] * off * off
+        weight[q] = off
+    reach = 4.0 * max(math.sqrt(squares / total), 0.3 * noise_mm, 1e-9)
+    for q in range(count):
+        weight[q] = max(0.0, 1.0 - (weight[q] / reach) ** 2) ** 2

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import Enum
 
@@ -9,10 +10,19 @@ import numpy as np
 from numba import njit
 
 from planish.mesh import Topology, neighbours
-from planish.sticks import noise, normals, quadric
+from planish.sticks.bends import CURVATURE, Bends, find_bends
+from planish.sticks.creases import carry, find_sides
 from planish.sticks.crew import Crew, crew
+from planish.sticks.noise import angle_defects, ring_noise
+from planish.sticks.normals import AREA, Ring, Rows, diffuse, surface_rows, typical_step
+from planish.sticks.quadric import refit
+from planish.sticks.rulings import average_along
 from planish.sticks.strain import distances
+from planish.sticks.vectors import cross, dot, minus, plus, row, square, unit
 from planish.types import Floats, Ints, Mesh
+
+GAUSS = (1 - 1 / math.sqrt(3)) / 2
+SHARP = (2 * math.sin(math.radians(20.0) / 2)) ** 2
 
 
 class Smoothing(Enum):
@@ -58,65 +68,63 @@ def smooth_normals(mesh: Mesh, topology: Topology) -> Floats:
 
 def _smooth_lengths(points: Floats, faces: Ints, topology: Topology, run: Crew) -> SmoothLengths:
     n = len(points)
-    ring = neighbours(topology.edges, n)
+    points = points - points.mean(axis=0)
+    ring = Ring(*neighbours(topology.edges, n))
     raw = distances(points, topology.edges)
-    inner = _inner(topology, n)
-    rows = normals.normal_rows(points, faces)
     spacing = float(np.median(raw))
-    off = np.abs(noise.residuals(points, rows, ring, run))
-    sigma = 1.4826 / 1.36 * float(np.nanmedian(off))
-    raw_defect = noise.angle_defect(raw, faces, topology.face_edges, inner)
-    rounds = _rounds(sigma / spacing, np.sqrt(raw_defect / 3.4))
+    rows = surface_rows(points, faces)
+    sigma = ring_noise(points, rows, ring, run)
+    raw_defect = float(np.median(angle_defects(raw, faces, topology, n, run)))
+    buckling = math.sqrt(raw_defect / 3.4)
+    wanted = 0 if buckling < 0.003 else min(40, max(8, math.ceil(90 * buckling - 0.3)))
+    for rounds in (wanted, 0) if wanted else (0,):
+        normals, bends = _surface(points, rows, ring, topology.edges, rounds, sigma, spacing, run)
+        rest = np.empty(len(raw))
+        run(_lengths, len(raw), points, normals, bends, topology.edges, rest)
+        defect = float(np.median(angle_defects(rest, faces, topology, n, run)))
+        if defect <= 2 * raw_defect + 5e-4:
+            return SmoothLengths(rest, normals, np.full(n, sigma), sigma, Smoothing.SMOOTHED if rounds else Smoothing.CLEAN)
+    return SmoothLengths(raw, normals, np.full(n, sigma), sigma, Smoothing.REFUSED)
+
+
+def _surface(points, rows, ring, edges, rounds, sigma, spacing, run, trounds=8, levels=True):
+    blur = 2 * sigma**2 + 1e-4 * spacing**2
+    flat = np.zeros((len(rows), 4), np.float32)
     for k in range(rounds):
         if k == int(0.4 * rounds):
-            rows = normals.to_crease_sides(points, rows, ring, sigma, spacing, run)
-        reach = (12 if k == 0 else 8) ** 2 * normals.typical_step(rows, topology.edges)
-        rows = normals.diffuse(rows, ring, max(reach, 1e-8), run)
+            rows = _on_sides(rows, find_sides(points, rows, flat, ring, 1, blur, run))
+        rows = diffuse(rows, ring, (12 if k == 0 else 8) ** 2 * typical_step(rows, edges), run)
     if rounds == 0:
-        rows = normals.to_crease_sides(points, rows, ring, sigma, spacing, run)
-    rows = quadric.refine(points, rows, ring, _at_sharp_edges(rows, topology.edges), sigma, run)
-    rest = np.empty(len(raw))
-    run(_fold_rule, len(raw), points, rows, topology.edges, rest)
-    defect = noise.angle_defect(rest, faces, topology.face_edges, inner)
-    smoothing = Smoothing.SMOOTHED if rounds else Smoothing.CLEAN
-    if defect > 2 * raw_defect + 5e-4:
-        rest, smoothing = raw, Smoothing.REFUSED
-    return SmoothLengths(rest, rows[:, :3], np.full(n, sigma), sigma, smoothing)
+        rows = _on_sides(rows, find_sides(points, rows, flat, ring, 1, blur, run))
+    bends = find_bends(rows, ring, edges, trounds, 8.0, run)
+    if rounds:
+        rows = average_along(rows, bends, ring, run)
+    source = find_sides(points, rows, bends, ring, 2, blur, run)
+    normals, bends = carry(points, rows, bends, source, run), bends[source]
+    step = normals[edges[:, 0]] - normals[edges[:, 1]]
+    sharp = np.unique(edges[np.einsum("ij,ij->i", step, step) > SHARP])
+    return refit(points, normals, ring, sharp, sigma, run), bends
 
 
-def _rounds(noise: float, buckling: float) -> int:
-    level = min(noise, 1.3 * buckling)
-    return 0 if level < 0.003 else min(40, max(16, int(np.ceil(90 * level - 0.3))))
-
-
-def _inner(topology: Topology, count: int) -> Floats:
-    inner = np.ones(count, bool)
-    inner[topology.edges[topology.edge_uses != 2]] = False
-    return inner
-
-
-def _at_sharp_edges(rows: Floats, edges: Ints) -> Ints:
-    step = rows[edges[:, 0], :3] - rows[edges[:, 1], :3]
-    return np.unique(edges[np.einsum("ij,ij->i", step, step) > 4 * np.sin(np.radians(20)) ** 2])
+def _on_sides(rows: Rows, source: Ints) -> Rows:
+    out = rows[source]
+    out[:, AREA] = rows[:, AREA]
+    return out
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _fold_rule(first, last, points, rows, edges, out):  # type: ignore[no-untyped-def]
+def _lengths(first, last, points, normals, bends, edges, out):  # type: ignore[no-untyped-def]
     for e in range(first, last):
         i, j = edges[e, 0], edges[e, 1]
-        dx, dy, dz = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1], points[j, 2] - points[i, 2]
-        ax, ay, az = np.float64(rows[i, 0]), np.float64(rows[i, 1]), np.float64(rows[i, 2])
-        bx, by, bz = np.float64(rows[j, 0]), np.float64(rows[j, 1]), np.float64(rows[j, 2])
-        mx, my, mz = ax + bx, ay + by, az + bz
-        cx, cy, cz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-        mm, cc, dd = mx * mx + my * my + mz * mz, cx * cx + cy * cy + cz * cz, dx * dx + dy * dy + dz * dz
+        d = minus(row(points, j), row(points, i))
+        a, b = row(bends, i), row(bends, j)
+        n = unit(plus(row(normals, i), GAUSS * bends[i, CURVATURE] * dot(a, d), a))
+        m = unit(plus(row(normals, j), -GAUSS * bends[j, CURVATURE] * dot(b, d), b))
+        middle, crease = plus(n, 1.0, m), cross(n, m)
+        mm, cc = square(middle), square(crease)
         if mm < 1e-3:
-            out[e] = np.sqrt(dd)
+            out[e] = math.sqrt(square(d))
             continue
-        along = (dx * cx + dy * cy + dz * cz) ** 2 / cc if cc > 1e-14 else 0.0
-        across = max(0.0, dd - (dx * mx + dy * my + dz * mz) ** 2 / mm - along)
-        half = np.arccos(min(1.0, np.sqrt(mm) / 2.0))
-        arc, fold = 1.0 + half * half / 3.0, 1.0 / np.cos(half) ** 2
-        t = min(1.0, max(0.0, (2.0 * half - np.radians(12.0)) / np.radians(16.0)))
-        t = t * t * (3.0 - 2.0 * t)
-        out[e] = np.sqrt(along + (arc + (fold - arc) * t) * across)
+        along = dot(d, crease) ** 2 / cc if cc > 1e-14 else 0.0
+        across = max(0.0, square(d) - dot(d, middle) ** 2 / mm - along)
+        out[e] = math.sqrt(along + across * 4.0 / mm)

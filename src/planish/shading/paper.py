@@ -1,0 +1,98 @@
+"""What the fitted light leaves over, followed on paper alone."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from planish.mesh import LUMINANCE
+from planish.shading.cells import Cells
+from planish.types import Bools, Floats
+
+Field = NDArray[np.float32]
+
+WIDE = ((16.0, 0.10), (8.0, 0.06), (4.0, 0.05))
+"""Widths [mm] over which the rest is smoothed, each with the misfit [log] up to which a cell counts as paper."""
+FINE = ((2.0, 0.05), (1.0, 0.05), (0.5, 0.05))
+"""The same where the light may be wrong by more than UNSURE: at creases and the edges of shadows."""
+UNSURE = 0.02
+AGREES = 0.02
+"""The same for patches of less than LONE of all the paper, that may be part of a picture."""
+LONE = 0.05
+LITTLE = 0.02
+"""Share of paper around a cell that outweighs no correction at all."""
+
+
+def followed(cells: Cells, log_model: Floats, doubt: Floats) -> Field:
+    """Add to the light's model what paper shows beside it.
+
+    Rounds of normalised convolution (Knutsson and Westin 1993): the misfit of cells that count as paper, smoothed over
+    ever smaller widths. A grey picture is no paper in any round, unless the light itself is in doubt there.
+
+    Parameters
+    ----------
+    cells : Cells
+    log_model : (rows, cols) float64
+        Logarithm of the brightness of paper under the light found.
+    doubt : (rows, cols) float64
+        By how much [log] the model may be wrong for want of exact shape.
+
+    Returns
+    -------
+    (rows, cols, 3) float32
+        Logarithm of the linear light of paper in each channel.
+    """
+    log = np.log(np.maximum(cells.light, 1e-4))
+    trust = np.where(cells.known & (cells.clipped < 0.1), cells.share**2, 0).astype(np.float32)
+    doubt = doubt.astype(np.float32)
+    lone = _lone(cells, log @ LUMINANCE - log_model, doubt)
+    field = log_model[..., None].astype(np.float32) + _tint(log, log_model, trust)
+    for rounds, strength in ((WIDE, np.float32(1)), (FINE, np.clip(doubt / UNSURE - 1, 0, 1)[..., None])):
+        for width_mm, misfit in rounds:
+            within = np.where(lone, AGREES, misfit) + doubt
+            weight = trust * _likeness(log @ LUMINANCE - field @ LUMINANCE, within)
+            field = field + strength * _smoothed(log - field, weight, width_mm / cells.mm)
+    return field
+
+
+def _lone(cells: Cells, residual: Field, doubt: Field) -> Bools:
+    """Cells that would count as paper but hang together with little of it, as bright spots of pictures do."""
+    alike = cells.known & (cells.share > 0.5) & (np.abs(residual) < WIDE[0][1] + doubt)
+    _, patch, size, _ = cv2.connectedComponentsWithStats(alike.astype(np.uint8), connectivity=8)
+    large = size[:, cv2.CC_STAT_AREA] > LONE * max(alike.sum(), 1)
+    return np.asarray(alike & ~large[patch])
+
+
+def _tint(log: Field, log_model: Floats, trust: Field) -> Field:
+    """Logarithm of the paper's colour against the model, from the cells that agree with it."""
+    paper = (trust > 0.5) & (np.abs(log @ LUMINANCE - log_model) < WIDE[0][1])
+    if not paper.any():
+        return np.zeros(3, np.float32)
+    return np.asarray(np.median(log[paper] - log_model[paper][:, None], axis=0), np.float32)
+
+
+def _likeness(residual: Field, misfit: Field) -> Field:
+    """How far a cell counts as paper: 1 without residual, 0 from `misfit` on (Tukey's biweight)."""
+    return np.asarray(np.maximum(1 - (residual / misfit) ** 2, 0) ** 2)
+
+
+def _smoothed(values: Field, weight: Field, sigma: float) -> Field:
+    """Weighted mean around each cell, drawn to 0 where there is next to no weight."""
+    total = _blur(np.concatenate([values * weight[..., None], weight[..., None]], axis=2), sigma)
+    return total[..., :3] / (total[..., 3:] + LITTLE)
+
+
+def _blur(field: Field, sigma: float) -> Field:
+    """Gaussian blur; wide ones on a smaller copy."""
+    rows, cols = field.shape[:2]
+    coarser = int(min(max(1, sigma / 3), rows, cols))
+    small = cv2.resize(field, (-(-cols // coarser), -(-rows // coarser)), interpolation=cv2.INTER_AREA)
+    small = cv2.GaussianBlur(small, (0, 0), max(sigma / coarser, 0.3), borderType=cv2.BORDER_CONSTANT)
+    return cv2.resize(small, (cols, rows), interpolation=cv2.INTER_LINEAR)
+
+
+def nearby_range(field: Floats, reach: int) -> Floats:
+    """Greatest less least value within a square of 2 reach + 1 cells."""
+    square = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
+    return np.asarray(cv2.dilate(field, square) - cv2.erode(field, square))

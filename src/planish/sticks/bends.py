@@ -1,0 +1,114 @@
+"""How the sheet is bent at every point: paper bends in one direction only, and not at all along its rulings."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from planish.sticks.crew import Crew
+from planish.sticks.normals import AREA, PLACE, Ring, Rows, closeness, typical_step
+from planish.sticks.vectors import dot, minus, plus, row, tangents, times, unit
+from planish.types import Ints
+
+Bends = NDArray[np.float32]
+"""(n, 4): unit vector a of the direction in which the sheet is bent most, and its curvature there [1/mm].
+
+A step d along the surface turns the normal by dN = curvature (a . d) a; the ruling runs across a.
+"""
+
+CURVATURE = 3
+
+
+def find_bends(rows: Rows, ring: Ring, edges: Ints, rounds: int, stop: float, run: Crew) -> Bends:
+    """Fit the shape operator to every ring, smooth it within the creases, and keep its greater curvature.
+
+    Parameters
+    ----------
+    rounds : int
+        Of smoothing.
+    stop : float
+        Neighbours whose normals differ by more than so many typical steps are across a crease.
+    """
+    scale = np.float32(1 / max(stop**2 * typical_step(rows, edges), 1e-10))
+    shape, smooth = np.empty_like(rows), np.empty_like(rows)
+    run(_fit_shape, len(rows), rows, ring, scale, shape)
+    for _ in range(rounds):
+        run(_smooth_shape, len(rows), rows, ring, scale, shape, smooth)
+        shape, smooth = smooth, shape
+    bends = np.empty((len(rows), 4), np.float32)
+    run(_greatest_bend, len(rows), rows, shape, bends)
+    return bends
+
+
+@njit(cache=True, nogil=True)
+def turned(normal, bend, curvature, step):  # type: ignore[no-untyped-def]
+    """Normal of a bent surface a step away."""
+    return unit(plus(normal, curvature * dot(bend, step), bend))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _fit_shape(first, last, rows, ring, scale, shape):  # type: ignore[no-untyped-def]
+    """Least squares of |N_j - N_i - S (x_j - x_i)|^2 over the ring, as a symmetric 3 x 3 matrix times its weight."""
+    for i in range(first, last):
+        n, x = row(rows, i), row(rows, i, PLACE)
+        s, t = tangents(n)
+        ss, st, tt, gss, gst, gtt = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for q in range(ring.start[i], ring.start[i + 1]):
+            j = ring.neighbour[q]
+            weight = closeness(n, row(rows, j), scale) * rows[j, AREA]
+            step, turn = minus(row(rows, j, PLACE), x), minus(row(rows, j), n)
+            u, v = dot(step, s), dot(step, t)
+            nu, nv = dot(turn, s), dot(turn, t)
+            ss, st, tt = ss + weight * u * u, st + weight * u * v, tt + weight * v * v
+            gss, gst, gtt = gss + weight * u * nu, gst + weight * (u * nv + v * nu), gtt + weight * v * nv
+        # Normal equations of the unknowns (S_ss, S_st, S_tt), by elimination of the outer two.
+        breath = 1e-3 * (ss + tt) + 1e-30
+        ss, tt = ss + breath, tt + breath
+        middle = ss + tt - st * st / ss - st * st / tt
+        mixed = (gst - st * gss / ss - st * gtt / tt) / max(middle, 1e-30)
+        first_bend, second_bend = (gss - st * mixed) / ss, (gtt - st * mixed) / tt
+        weight = ss + tt
+        a = plus(times(first_bend, s), mixed, t)
+        b = plus(times(second_bend, t), mixed, s)
+        for k in range(3):  # S = S_ss s s' + S_st (s t' + t s') + S_tt t t'
+            shape[i, k] = weight * (a[k] * s[k] + b[k] * t[k])
+        shape[i, 3] = weight * (a[0] * s[1] + b[0] * t[1])
+        shape[i, 4] = weight * (a[0] * s[2] + b[0] * t[2])
+        shape[i, 5] = weight * (a[1] * s[2] + b[1] * t[2])
+        shape[i, 6], shape[i, 7] = weight, 0.0
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _smooth_shape(first, last, rows, ring, scale, shape, out):  # type: ignore[no-untyped-def]
+    for i in range(first, last):
+        n = row(rows, i)
+        out[i] = shape[i]
+        total = np.float32(1)
+        for q in range(ring.start[i], ring.start[i + 1]):
+            j = ring.neighbour[q]
+            weight = closeness(n, row(rows, j), scale)
+            if weight > 0:
+                total += weight
+                for k in range(7):
+                    out[i, k] += weight * shape[j, k]
+        for k in range(7):
+            out[i, k] /= total
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _greatest_bend(first, last, rows, shape, bends):  # type: ignore[no-untyped-def]
+    for i in range(first, last):
+        s, t = tangents(row(rows, i))
+        m = shape[i]
+        a = m[0] * s[0] + m[3] * s[1] + m[4] * s[2], m[3] * s[0] + m[1] * s[1] + m[5] * s[2], m[4] * s[0] + m[5] * s[1] + m[2] * s[2]
+        b = m[0] * t[0] + m[3] * t[1] + m[4] * t[2], m[3] * t[0] + m[1] * t[1] + m[5] * t[2], m[4] * t[0] + m[5] * t[1] + m[2] * t[2]
+        ss, st, tt = dot(a, s), dot(a, t), dot(b, t)
+        mean, half = 0.5 * (ss + tt), math.sqrt(0.25 * (ss - tt) ** 2 + st * st)
+        angle = 0.5 * math.atan2(2.0 * st, ss - tt) + (0.5 * math.pi if mean < 0.0 else 0.0)
+        bend = plus(times(math.cos(angle), s), math.sin(angle), t)
+        for k in range(3):
+            bends[i, k] = bend[k]
+        bends[i, CURVATURE] = (mean + half if mean >= 0.0 else mean - half) / max(m[6], np.float32(1e-30))

@@ -1,0 +1,152 @@
+"""Which side of a crease a point lies on: its normal is to be that side's, not a mixture of both."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from planish.sticks.bends import CURVATURE, Bends, turned
+from planish.sticks.crew import Crew
+from planish.sticks.normals import PLACE, SAMPLE, SPREAD, Ring, Rows
+from planish.sticks.vectors import dot, minus, row, square
+from planish.types import Floats, Ints
+
+PLACE_IN_RING = 0.6
+LEAST_SPREAD = 0.002
+ODD = 9.0
+CALM = 6.0
+SAME_PLANE = math.cos(math.radians(6.0))
+NEAR = 48
+
+
+def find_sides(
+    points: Floats, rows: Rows, bends: Bends, ring: Ring, rings: int, blur: float, run: Crew
+) -> Ints:
+    """For every point the one whose plane it lies on: itself, or at a crease a calmer one near by.
+
+    Parameters
+    ----------
+    bends : Bends
+        How the planes are bent.
+    rings : {1, 2}
+        How far to look.
+    blur : float
+        Square of the distance from a plane [mm^2] that noise explains.
+
+    Returns
+    -------
+    (n,) int32
+    """
+    run(_measure_spread, len(rows), rows, ring)
+    typical = max(float(np.median(rows[:: max(1, len(rows) // SAMPLE), SPREAD])), 1e-12)
+    source = np.empty(len(rows), np.int32)
+    run(_choose, len(rows), points, rows, bends, ring, rings, typical, blur, source)
+    return source
+
+
+def carry(points: Floats, rows: Rows, bends: Bends, source: Ints, run: Crew) -> Rows:
+    """(n, 3) normals at the points, from the planes they lie on, followed along their bend."""
+    out = np.empty((len(rows), 3), np.float32)
+    run(_carry, len(rows), points, rows, bends, source, out)
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _measure_spread(first, last, rows, ring):  # type: ignore[no-untyped-def]
+    """|N_i - N_j|^2 at PLACE_IN_RING of the ring in ascending order."""
+    steps = np.empty(64, np.float32)
+    for i in range(first, last):
+        count = min(ring.start[i + 1] - ring.start[i], len(steps))
+        for k in range(count):
+            step, at = square(minus(row(rows, i), row(rows, ring.neighbour[ring.start[i] + k]))), k
+            while at > 0 and steps[at - 1] > step:
+                steps[at] = steps[at - 1]
+                at -= 1
+            steps[at] = step
+        rows[i, SPREAD] = steps[min(int(PLACE_IN_RING * count), count - 1)] if count > 0 else 0.0
+
+
+@njit(cache=True, nogil=True)
+def _choose(first, last, points, rows, bends, ring, rings, typical, blur, source):  # type: ignore[no-untyped-def]
+    near, cost = np.empty(NEAR, np.int32), np.empty(NEAR)
+    for i in range(first, last):
+        source[i] = i
+        spread = rows[i, SPREAD]
+        if spread <= max(ODD * typical, LEAST_SPREAD):
+            continue
+        count = _gather(i, ring, rings, near)
+        a = -1
+        for q in range(count):
+            j = near[q]
+            cost[q] = np.inf
+            if rows[j, SPREAD] < spread / CALM:
+                height = _height(points, i, rows, bends, j)
+                cost[q] = 3.0 * math.log(1.0 + rows[j, SPREAD] / typical) + height * height / blur
+                if a < 0 or cost[q] < cost[a]:
+                    a = q
+        if a < 0 or 3.0 * math.log(1.0 + spread / typical) < cost[a]:
+            continue
+        b = -1
+        for q in range(count):
+            apart = cost[q] < np.inf and dot(row(rows, near[q]), row(rows, near[a])) < SAME_PLANE
+            if apart and (b < 0 or cost[q] < cost[b]):
+                b = q
+        source[i] = near[a] if b < 0 else _side(points, i, rows, bends, near[a], near[b])
+
+
+@njit(cache=True, nogil=True)
+def _side(points, i, rows, bends, a, b):  # type: ignore[no-untyped-def]
+    """Of the planes of a and b that meet in a crease, the one that point i lies on.
+
+    A ridge is the lower of its two planes everywhere, a valley the higher; so a point lies on the plane over which it
+    is higher at a ridge, lower in a valley. Noise lifts it over both alike.
+    """
+    over_a, over_b = _height(points, i, rows, bends, a), _height(points, i, rows, bends, b)
+    apart = minus(row(rows, b, PLACE), row(rows, a, PLACE))
+    b_over_a, a_over_b = dot(row(rows, a), apart), -dot(row(rows, b), apart)
+    if b_over_a < 0.0 and a_over_b < 0.0:
+        return a if over_a > over_b else b
+    if b_over_a > 0.0 and a_over_b > 0.0:
+        return a if over_a < over_b else b
+    return a
+
+
+@njit(cache=True, nogil=True)
+def _height(points, i, rows, bends, j):  # type: ignore[no-untyped-def]
+    """How high point i stands over the bent plane of point j."""
+    step = minus(row(points, i), row(rows, j, PLACE))
+    along = dot(row(bends, j), step)
+    return dot(row(rows, j), step) + 0.5 * bends[j, CURVATURE] * along * along
+
+
+@njit(cache=True, nogil=True)
+def _gather(i, ring, rings, near):  # type: ignore[no-untyped-def]
+    """Points within one or two rings around i."""
+    count = 0
+    for q in range(ring.start[i], ring.start[i + 1]):
+        if count < len(near):
+            near[count] = ring.neighbour[q]
+            count += 1
+    if rings == 1:
+        return count
+    for a in range(count):
+        for q in range(ring.start[near[a]], ring.start[near[a] + 1]):
+            j = ring.neighbour[q]
+            known = j == i
+            for b in range(count):
+                known = known or near[b] == j
+            if not known and count < len(near):
+                near[count] = j
+                count += 1
+    return count
+
+
+@njit(cache=True, nogil=True)
+def _carry(first, last, points, rows, bends, source, out):  # type: ignore[no-untyped-def]
+    for i in range(first, last):
+        j = source[i]
+        normal = turned(row(rows, j), row(bends, j), bends[j, CURVATURE], minus(row(points, i), row(rows, j, PLACE)))
+        for k in range(3):
+            out[i, k] = normal[k]

@@ -1,0 +1,114 @@
+"""Averaging normals along the rulings of a sheet, where they do not change however much the sheet is bent."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from planish.sticks.bends import Bends
+from planish.sticks.crew import Crew
+from planish.sticks.normals import AREA, PLACE, SAMPLE, Ring, Rows, closeness, store
+from planish.sticks.vectors import cross, dot, minus, plus, row, square, times
+from planish.types import Ints
+
+Mates = NDArray[np.int32]
+"""(n, 2) points some edges away from every point, one either way along its ruling; itself where there is none."""
+
+HOPS = 4
+"""Edges to the first mates: the line is met within an eighth of the way."""
+
+DOUBLINGS = 3
+"""Mates are taken HOPS, 2 HOPS, 4 HOPS ... edges away."""
+
+STOP = 6.0
+
+
+def average_along(rows: Rows, bends: Bends, ring: Ring, run: Crew) -> Rows:
+    """Average every normal with those of its mates, in rounds of twice the reach each.
+
+    N_i <- unit(2 A_i N_i + sum over the two mates of w_ij N_j), w as in `diffuse`
+    """
+    mates, further = np.empty((len(rows), 2), np.int32), np.empty((len(rows), 2), np.int32)
+    run(_walk, len(rows), rows, bends, ring, mates)
+    for level in range(DOUBLINGS):
+        if level:
+            run(_double, len(rows), rows, bends, ring, mates, further)
+            mates, further = further, mates
+        out = np.empty_like(rows)
+        scale = np.float32(1 / max(STOP**2 * _typical_step(rows, mates), 1e-10))
+        run(_average, len(rows), rows, mates, scale, out)
+        rows = out
+    return rows
+
+
+def _typical_step(rows: Rows, mates: Mates) -> float:
+    some = np.arange(0, len(mates), max(1, len(mates) // SAMPLE))
+    some = some[mates[some, 0] != some]
+    step = rows[some, :3] - rows[mates[some, 0], :3]
+    return float(np.median(np.einsum("ij,ij->i", step, step))) if len(some) else 0.0
+
+
+@njit(cache=True, nogil=True)
+def _ruling(rows, bends, i, side):  # type: ignore[no-untyped-def]
+    return times(1.0 - 2.0 * side, cross(row(rows, i), row(bends, i)))
+
+
+@njit(cache=True, nogil=True)
+def _walk(first, last, rows, bends, ring, mates):  # type: ignore[no-untyped-def]
+    """Go from neighbour to neighbour, always to the one that gains most for how far it is off the line."""
+    for i in range(first, last):
+        start = row(rows, i, PLACE)
+        for side in range(2):
+            ruling = _ruling(rows, bends, i, side)
+            here, gone = np.int32(i), 0.0
+            for _ in range(HOPS):
+                best, choice, reached = np.inf, here, gone
+                for q in range(ring.start[here], ring.start[here + 1]):
+                    j = ring.neighbour[q]
+                    step = minus(row(rows, j, PLACE), start)
+                    along = dot(step, ruling)
+                    off = square(step) - along * along
+                    cost = off - 0.25 * (along - gone) ** 2
+                    if along > gone and 2.0 * off < along * along and cost < best:
+                        best, choice, reached = cost, j, along
+                if choice == here:
+                    break
+                here, gone = choice, reached
+            mates[i, side] = here
+
+
+@njit(cache=True, nogil=True)
+def _double(first, last, rows, bends, ring, mates, further):  # type: ignore[no-untyped-def]
+    """Go on from the mate to its mate, and from there to whichever neighbour is nearest to the line."""
+    for i in range(first, last):
+        start = row(rows, i, PLACE)
+        for side in range(2):
+            ruling = _ruling(rows, bends, i, side)
+            mate = mates[i, side]
+            there, other = mates[mate, 0], mates[mate, 1]
+            if dot(minus(row(rows, other, PLACE), row(rows, there, PLACE)), ruling) > 0.0:
+                there = other
+            gone = dot(minus(row(rows, mate, PLACE), start), ruling)
+            best, choice = np.inf, there
+            for q in range(ring.start[there] - 1, ring.start[there + 1]):
+                j = ring.neighbour[q] if q >= ring.start[there] else there
+                step = minus(row(rows, j, PLACE), start)
+                along = dot(step, ruling)
+                off = square(step) - along * along
+                if along >= gone and off < best:
+                    best, choice = off, j
+            further[i, side] = choice
+
+
+@njit(cache=True, nogil=True)
+def _average(first, last, rows, mates, scale, out):  # type: ignore[no-untyped-def]
+    for i in range(first, last):
+        n, total = row(rows, i), np.float32(2) * rows[i, AREA]
+        normal, place = times(total, n), times(total, row(rows, i, PLACE))
+        for side in range(2):
+            j = mates[i, side]
+            weight = closeness(n, row(rows, j), scale) * rows[j, AREA]
+            normal, place = plus(normal, weight, row(rows, j)), plus(place, weight, row(rows, j, PLACE))
+            total += weight
+        store(out, rows, i, normal, place, total)
