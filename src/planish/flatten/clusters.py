@@ -13,7 +13,6 @@ from numba import njit
 from numpy.typing import NDArray
 
 from planish.flatten.crew import Crew
-from planish.flatten.lengths import median_edge
 from planish.mesh import Topology
 from planish.mesh.adjacency import faces_around
 from planish.types import Floats, Ints
@@ -21,7 +20,7 @@ from planish.types import Floats, Ints
 RADIUS = 26
 """Faces from a cluster's first face to its rim, at most."""
 
-SHORT = 0.3
+SHORT = 0.4
 """Edges shorter than this part of the median are not built upon: they tell no direction. Almost every face has a
 longer one; the few that do not become clusters of their own."""
 
@@ -61,7 +60,7 @@ def lay_out_clusters(faces: Ints, topology: Topology, edge_rest: Floats, point_c
     point_count : int
     run : Crew
     """
-    passable = edge_rest > SHORT * median_edge(edge_rest)
+    passable = _passable(topology.face_edges, edge_rest)
     label, hops, base, count = _grow(topology.face_edges, topology.edge_faces, edge_rest, passable, RADIUS)
     row, order = _rows(label, hops, count, RADIUS)
     start, cluster = _copies(*faces_around(faces, point_count), label)
@@ -72,6 +71,19 @@ def lay_out_clusters(faces: Ints, topology: Topology, edge_rest: Floats, point_c
     run(_place_clusters, count, row, order, corners, base, topology.face_edges, edge_rest, place, weight, block=64)
     _centre(cluster, place, count)
     return Clusters(count, start, cluster, place.view(np.complex128)[:, 0])
+
+
+@njit(cache=True, nogil=True)
+def _passable(face_edges, rest):  # type: ignore[no-untyped-def]
+    """Whether each edge is long enough, among those of either face at it, to lay the other face down by it."""
+    passable = np.ones(len(rest), np.bool_)
+    for f in range(len(face_edges)):
+        a, b, c = face_edges[f, 0], face_edges[f, 1], face_edges[f, 2]
+        least = SHORT * max(rest[a], rest[b], rest[c])
+        passable[a] &= rest[a] > least
+        passable[b] &= rest[b] > least
+        passable[c] &= rest[c] > least
+    return passable
 
 
 @njit(cache=True, nogil=True)

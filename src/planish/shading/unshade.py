@@ -30,12 +30,15 @@ WHITE = 0.94
 KNEE = 0.7
 """Light below which nothing is bent to reach that."""
 DARK = 0.12
-"""Light below which a pixel is black ink."""
-INKED = 0.002
-"""Part of the page that must be, for its ink to become black."""
-INK_QUANTILE = .5
+"""Light below which a spot is black print."""
+SPOT_MM = 0.25
+"""A spot: the core of a stroke, wide enough that a filter's ringing is averaged out."""
+INKED = 0.0005
+"""Part of the page that must be black print, for it to become black."""
 BLACKEST = 0.06
-"""Ink paler than this is not made black."""
+"""Ink that is paler than this is not made black."""
+INK = 0.9
+"""Of the light that the blackest ink sends back, so much is taken away."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,7 +179,7 @@ def _divided(page: Page, gain: Field, side: int) -> tuple[NDArray[np.generic], B
     flat = (*source.shape[:2], -1)
     gain = gain if source.ndim == 3 else (gain @ LUMINANCE)[..., None]
     light = linear_light(np.iinfo(source.dtype).max + 1)
-    black = _black(source.reshape(flat), page.known, gain, side, light)
+    black = _black(source.reshape(flat), page.known, gain, side, light, page.dpi)
     tone = _toned(np.linspace(0, 1, 65536), black)
     codes = code_values(source.dtype)[np.rint(65535 * tone).astype(int)]
     _divide(
@@ -185,14 +188,36 @@ def _divided(page: Page, gain: Field, side: int) -> tuple[NDArray[np.generic], B
     return pixels, clipped
 
 
-def _black(source: Pixels, known: Bools, gain: Field, side: int, light: Field) -> float:
-    """Light that the black ink sends back, or 0 where there is none: of a sample of pixels, evenly lit."""
-    step = max(1, side // 2)
-    r, q = np.arange(0, len(source), step), np.arange(0, source.shape[1], step)
-    lit_evenly = light[source[::step, ::step]] * gain[r[:, None] // side, q // side]
-    grey = (lit_evenly @ LUMINANCE if source.shape[2] == 3 else lit_evenly[..., 0])[known[::step, ::step]]
+def _black(source: Pixels, known: Bools, gain: Field, side: int, light: Field, dpi: float) -> float:
+    """Light that the black ink sends back, or 0 where there is no black print."""
+    spot = max(1, round(SPOT_MM * dpi / 25.4))
+    grey = _spots(source, known, gain, side, light, spot)
     ink = grey[grey < DARK]
-    return float(min(np.quantile(ink, INK_QUANTILE), BLACKEST)) if len(ink) > INKED * len(grey) else 0.0
+    if len(ink) < INKED * grey.size:
+        return 0.0
+    black = float(np.quantile(ink, 0.02))
+    return INK * black if black < BLACKEST else 0.0
+
+
+@njit(parallel=True, cache=True)
+def _spots(source, known, gain, side, light, spot):  # type: ignore[no-untyped-def]
+    """Mean luminance of squares of pixels, evenly lit; 1 where one of them is not known."""
+    last = source.shape[2] - 1
+    grey = np.ones((source.shape[0] // spot, source.shape[1] // spot), np.float32)
+    for i in prange(grey.shape[0]):
+        for j in range(grey.shape[1]):
+            r, q = i * spot, j * spot
+            total, whole = np.float32(0), True
+            factor = gain[min(r // side, gain.shape[0] - 1), min(q // side, gain.shape[1] - 1)]
+            for y in range(r, r + spot):
+                for x in range(q, q + spot):
+                    whole &= known[y, x]
+                    total += LUMINANCE[0] * light[source[y, x, 0]] * factor[0]
+                    total += LUMINANCE[1] * light[source[y, x, min(1, last)]] * factor[min(1, last)]
+                    total += LUMINANCE[2] * light[source[y, x, last]] * factor[last]
+            if whole:
+                grey[i, j] = total / (spot * spot)
+    return grey
 
 
 def _toned(light: Floats, black: float) -> Floats:
