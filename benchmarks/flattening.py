@@ -58,12 +58,12 @@ def lscm(mesh: Mesh) -> np.ndarray:
 def arap(mesh: Mesh) -> np.ndarray:
     import igl
 
-    start = np.c_[lscm(mesh), np.zeros(len(mesh.points))]
+    start = lscm(mesh)
     data = igl.ARAPData()
     data.max_iter = 8
-    none = np.zeros(0, np.int32)
-    igl.arap_precomputation(mesh.points, mesh.faces.astype(np.int64), 2, none, data)
-    return np.asarray(igl.arap_solve(np.zeros((0, 2)), data, np.ascontiguousarray(start[:, :2])))
+    held = np.zeros(1, np.int32)  # without a point held its matrix is singular
+    igl.arap_precomputation(mesh.points, mesh.faces.astype(np.int64), 2, held, data)
+    return np.asarray(igl.arap_solve(start[held], data, start))
 
 
 def slim(mesh: Mesh) -> np.ndarray:

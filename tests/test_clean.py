@@ -155,6 +155,17 @@ def test_dust_is_left_out_and_a_second_sheet_is_kept():
     assert "in 2 pieces" in c.warnings[0]
 
 
+def test_the_topology_is_that_of_the_cleaned_mesh_however_points_were_renumbered():
+    points, faces = sheet()
+    order = np.random.default_rng(0).permutation(2 * len(points))  # two sheets, their points all mixed up
+    both, mixed = np.r_[points, points + np.array([400, 0, 0])], np.r_[faces, faces + len(points)]
+    c = clean(scan_of(both[order], np.argsort(order)[mixed]))
+    fresh = topology(c.scan.mesh.faces, len(c.scan.mesh.points))
+    np.testing.assert_array_equal(c.topology.edges, fresh.edges)
+    np.testing.assert_array_equal(c.topology.edge_faces, fresh.edge_faces)
+    np.testing.assert_allclose(c.scan.mesh.points[c.place], both[order])
+
+
 def box():
     corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], float)
     quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]

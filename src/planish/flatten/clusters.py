@@ -20,9 +20,10 @@ from planish.types import Floats, Ints
 RADIUS = 26
 """Faces from a cluster's first face to its rim, at most."""
 
-SHORT = 0.4
-"""Edges shorter than this part of the median are not built upon: they tell no direction. Almost every face has a
-longer one; the few that do not become clusters of their own."""
+SHORT = 0.35
+"""Edges shorter than this part of a face's longest side are not built upon, as errors of length turn them most. On a
+random mesh of 100,000 points with 0.05 mm of noise the layout is 0.09 mm out with 0.3 or more, 0.5 mm with 0.02; with
+more, regular meshes whose cells are three times as long as wide fall apart into strips."""
 
 CLOSED = -1.0
 """Weight of a place that is settled."""

@@ -258,9 +258,15 @@ def _assemble(
     new, source = _own_points(new, piece, len(points))
     place = np.full(len(points), -1, np.int32)
     place[source[::-1]] = np.arange(len(source) - 1, -1, -1, dtype=np.int32)
+    shared = len(source) - len(np.unique(source))
+    if shared:
+        warnings.append(
+            f"{shared:,} points are where pieces touch in a point only; they lie with one piece, and in the flat mesh "
+            "the faces of the other are drawn out to them"
+        )
     if weld is not None:
         place = place[weld]
-    changed = turned.any() or len(source) != len(points) or topo is None
+    changed = turned.any() or not np.array_equal(source, np.arange(len(points)))
     loose = int((place < 0).sum())
     if loose:
         warnings.append(

@@ -20,6 +20,10 @@ UNSURE = 0.02
 AGREES = 0.02
 """The same for patches of less than LONE of all the paper, that may be part of a picture."""
 LONE = 0.05
+CANDIDATE = 0.15
+SCATTER = 3.0
+"""How many standard deviations of the paper's scatter around the model, among cells within CANDIDATE [log] of it, are
+added to every misfit: little where the light is as simple as the model."""
 LITTLE = 0.02
 """Share of paper around a cell that outweighs no correction at all."""
 
@@ -46,8 +50,11 @@ def followed(cells: Cells, log_model: Floats, doubt: Floats) -> Field:
     log = np.log(np.maximum(cells.light, 1e-4))
     trust = np.where(cells.known & (cells.clipped < 0.1), cells.share**2, 0).astype(np.float32)
     doubt = doubt.astype(np.float32)
-    lone = _lone(cells, log @ LUMINANCE - log_model, doubt)
-    field = log_model[..., None].astype(np.float32) + _tint(log, log_model, trust)
+    misfits = log @ LUMINANCE - log_model.astype(np.float32)
+    tint, scatter = _paper(log, log_model, misfits, trust)
+    doubt = doubt.astype(np.float32) + SCATTER * scatter
+    lone = _lone(cells, misfits, doubt)
+    field = log_model[..., None].astype(np.float32) + tint
     for rounds, strength in ((WIDE, np.float32(1)), (FINE, np.clip(doubt / UNSURE - 1, 0, 1)[..., None])):
         for width_mm, misfit in rounds:
             within = np.where(lone, AGREES, misfit) + doubt
@@ -56,20 +63,21 @@ def followed(cells: Cells, log_model: Floats, doubt: Floats) -> Field:
     return field
 
 
-def _lone(cells: Cells, residual: Field, doubt: Field) -> Bools:
+def _paper(log: Field, log_model: Floats, misfits: Field, trust: Field) -> tuple[Field, float]:
+    """Logarithm of the paper's colour against the model, and how far apart the cells lie that may be paper."""
+    paper = (trust > 0.5) & (np.abs(misfits) < CANDIDATE)
+    if not paper.any():
+        return np.zeros(3, np.float32), 0.0
+    tint = np.median(log[paper] - log_model[paper][:, None], axis=0).astype(np.float32)
+    return tint, 1.48 * float(np.median(np.abs(misfits[paper] - np.median(misfits[paper]))))
+
+
+def _lone(cells: Cells, misfits: Field, doubt: Field) -> Bools:
     """Cells that would count as paper but hang together with little of it, as bright spots of pictures do."""
-    alike = cells.known & (cells.share > 0.5) & (np.abs(residual) < WIDE[0][1] + doubt)
+    alike = cells.known & (cells.share > 0.5) & (np.abs(misfits) < WIDE[0][1] + doubt)
     _, patch, size, _ = cv2.connectedComponentsWithStats(alike.astype(np.uint8), connectivity=8)
     large = size[:, cv2.CC_STAT_AREA] > LONE * max(alike.sum(), 1)
     return np.asarray(alike & ~large[patch])
-
-
-def _tint(log: Field, log_model: Floats, trust: Field) -> Field:
-    """Logarithm of the paper's colour against the model, from the cells that agree with it."""
-    paper = (trust > 0.5) & (np.abs(log @ LUMINANCE - log_model) < WIDE[0][1])
-    if not paper.any():
-        return np.zeros(3, np.float32)
-    return np.asarray(np.median(log[paper] - log_model[paper][:, None], axis=0), np.float32)
 
 
 def _likeness(residual: Field, misfit: Field) -> Field:

@@ -143,7 +143,7 @@ def _by_geometry(cells: Cells, scan: Scan, page_xy: Floats, normals: Floats) -> 
     bare = _filled(lamp.log_brightness(surface.points, surface.normals, surface.off_axis), surface.known)
     model = _filled(lamp.log_brightness(surface.points, surface.normals, surface.off_axis, share), surface.known)
     bend, edge = (max(1, round(mm / cells.mm)) for mm in (1.5, 4.0))
-    doubt = np.maximum(0.5 * nearby_range(bare, bend), nearby_range(model - bare, edge))
+    doubt = np.maximum(nearby_range(bare, bend), nearby_range(model - bare, edge))
     return followed(cells, model, doubt), lamp
 
 

@@ -82,7 +82,7 @@ def _choose(first, last, points, rows, bends, ring, rings, typical, blur, source
             j = near[q]
             cost[q] = np.inf
             if rows[j, SPREAD] < spread / CALM:
-                height = _height(points, i, rows, bends, j)
+                height = height_over(points, i, rows, bends, j)
                 cost[q] = 3.0 * math.log(1.0 + rows[j, SPREAD] / typical) + height * height / blur
                 if a < 0 or cost[q] < cost[a]:
                     a = q
@@ -103,7 +103,7 @@ def _side(points, i, rows, bends, a, b):  # type: ignore[no-untyped-def]
     A ridge is the lower of its two planes everywhere, a valley the higher; so a point lies on the plane over which it
     is higher at a ridge, lower in a valley. Noise lifts it over both alike.
     """
-    over_a, over_b = _height(points, i, rows, bends, a), _height(points, i, rows, bends, b)
+    over_a, over_b = height_over(points, i, rows, bends, a), height_over(points, i, rows, bends, b)
     apart = minus(row(rows, b, PLACE), row(rows, a, PLACE))
     b_over_a, a_over_b = dot(row(rows, a), apart), -dot(row(rows, b), apart)
     if b_over_a < 0.0 and a_over_b < 0.0:
@@ -114,7 +114,7 @@ def _side(points, i, rows, bends, a, b):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _height(points, i, rows, bends, j):  # type: ignore[no-untyped-def]
+def height_over(points, i, rows, bends, j):  # type: ignore[no-untyped-def]
     """How high point i stands over the bent plane of point j."""
     step = minus(row(points, i), row(rows, j, PLACE))
     along = dot(row(bends, j), step)

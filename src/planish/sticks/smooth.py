@@ -13,7 +13,7 @@ from planish.mesh import Topology, neighbours
 from planish.sticks.bends import CURVATURE, Bends, find_bends
 from planish.sticks.creases import carry, find_sides
 from planish.sticks.crew import Crew, crew
-from planish.sticks.noise import angle_defects, ring_noise
+from planish.sticks.noise import angle_defects, around, ring_noise, surface_noise
 from planish.sticks.normals import AREA, Ring, Rows, diffuse, surface_rows, typical_step
 from planish.sticks.quadric import refit
 from planish.sticks.rulings import average_along
@@ -21,6 +21,7 @@ from planish.sticks.strain import distances
 from planish.sticks.vectors import cross, dot, minus, plus, row, square, unit
 from planish.types import Floats, Ints, Mesh
 
+NOISY = 0.003
 GAUSS = (1 - 1 / math.sqrt(3)) / 2
 SHARP = (2 * math.sin(math.radians(20.0) / 2)) ** 2
 
@@ -73,21 +74,29 @@ def _smooth_lengths(points: Floats, faces: Ints, topology: Topology, run: Crew) 
     raw = distances(points, topology.edges)
     spacing = float(np.median(raw))
     rows = surface_rows(points, faces)
-    sigma = ring_noise(points, rows, ring, run)
-    raw_defect = float(np.median(angle_defects(raw, faces, topology, n, run)))
-    buckling = math.sqrt(raw_defect / 3.4)
-    wanted = 0 if buckling < 0.003 else min(40, max(8, math.ceil(90 * buckling - 0.3)))
+    off = ring_noise(points, rows, ring, run)
+    sigma = float(np.nanmedian(off))
+    raw_defects = angle_defects(raw, faces, topology, n, run)
+    buckling = math.sqrt(float(np.quantile(raw_defects, 0.25)))
+    wanted = 0
+    if buckling > NOISY:
+        wanted = int(np.clip(90 * np.quantile(around(points, off, spacing), 0.8) * 1.2 / 1.4826 / spacing, 8, 24))
     for rounds in (wanted, 0) if wanted else (0,):
-        normals, bends = _surface(points, rows, ring, topology.edges, rounds, sigma, spacing, run)
+        normals, bends, off = _surface(points, rows, ring, topology.edges, rounds, sigma, spacing, run)
         rest = np.empty(len(raw))
         run(_lengths, len(raw), points, normals, bends, topology.edges, rest)
-        defect = float(np.median(angle_defects(rest, faces, topology, n, run)))
-        if defect <= 2 * raw_defect + 5e-4:
-            return SmoothLengths(rest, normals, np.full(n, sigma), sigma, Smoothing.SMOOTHED if rounds else Smoothing.CLEAN)
+        defects = angle_defects(rest, faces, topology, n, run)
+        if defects.mean() <= 1.2 * raw_defects.mean() + (5e-4 if rounds else 5e-5):
+            if rounds:
+                noise = 1.2533 * around(points, off, spacing)
+                return SmoothLengths(rest, normals, noise, float(np.median(noise)), Smoothing.SMOOTHED)
+            sigma = min(sigma, buckling * spacing)
+            return SmoothLengths(rest, normals, np.full(n, sigma), sigma, Smoothing.CLEAN)
+    sigma = min(sigma, buckling * spacing)
     return SmoothLengths(raw, normals, np.full(n, sigma), sigma, Smoothing.REFUSED)
 
 
-def _surface(points, rows, ring, edges, rounds, sigma, spacing, run, trounds=8, levels=True):
+def _surface(points, rows, ring, edges, rounds, sigma, spacing, run, trounds=4, levels=True):
     blur = 2 * sigma**2 + 1e-4 * spacing**2
     flat = np.zeros((len(rows), 4), np.float32)
     for k in range(rounds):
@@ -100,10 +109,12 @@ def _surface(points, rows, ring, edges, rounds, sigma, spacing, run, trounds=8, 
     if rounds:
         rows = average_along(rows, bends, ring, run)
     source = find_sides(points, rows, bends, ring, 2, blur, run)
+    step = points[edges[:, 1]] - points[edges[:, 0]]
+    off = surface_noise(points, rows, bends, source, rounds * 3 / 7 * np.mean(np.einsum("ij,ij->i", step, step)), run)
     normals, bends = carry(points, rows, bends, source, run), bends[source]
     step = normals[edges[:, 0]] - normals[edges[:, 1]]
     sharp = np.unique(edges[np.einsum("ij,ij->i", step, step) > SHARP])
-    return refit(points, normals, ring, sharp, sigma, run), bends
+    return refit(points, normals, ring, sharp, sigma, run), bends, off
 
 
 def _on_sides(rows: Rows, source: Ints) -> Rows:

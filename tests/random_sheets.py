@@ -1,0 +1,45 @@
+"""Sheets of every kind that a scanner, a mesher or a user may hand in, made from a number."""
+
+import numpy as np
+
+from planish.gallery import SHEETS, sheet, sheet_mesh
+from planish.types import Mesh
+
+OUTLINES = (None, None, None, "c", "ring", "comb")
+
+
+def random_sheet(seed: int) -> Mesh:
+    """A bent sheet with some of: noise, holes, cuts, an odd outline, slivers, damage, a second piece."""
+    rng = np.random.default_rng(seed)
+    name = rng.choice([n for n in SHEETS if n != "roll" or rng.random() < 0.3])
+    size = sheet(name).width_mm, sheet(name).height_mm
+    mesh, _ = sheet_mesh(
+        sheet(name),
+        points=int(rng.integers(40, 2500)),
+        layout=rng.choice(["range", "grid", "delaunay"]),
+        outline=OUTLINES[rng.integers(len(OUTLINES))],
+        holes=int(rng.integers(0, 5)) if rng.random() < 0.4 else 0,
+        cuts=[tuple(map(tuple, rng.uniform(0, size, (2, 2)))) for _ in range(rng.integers(0, 3))],
+        noise_mm=float(rng.choice([0, 0, 0.05, 0.2, 1.0])),
+        rng=seed,
+    )
+    points, faces = np.array(mesh.points), np.array(mesh.faces)
+    if rng.random() < 0.3:  # drawn out into slivers
+        points[:, 0] *= rng.uniform(0.05, 20)
+    if rng.random() < 0.3:
+        turned = rng.random(len(faces)) < 0.3
+        faces[turned] = faces[turned, ::-1]
+    if rng.random() < 0.2:
+        faces = np.r_[faces, faces[rng.integers(len(faces), size=5)]]  # faces that stand twice
+    if rng.random() < 0.2:
+        points[rng.integers(len(points), size=3)] = rng.choice([np.nan, np.inf])
+    if rng.random() < 0.2:  # a triangle soup: every corner a point of its own
+        points, faces = points[faces].reshape(-1, 3), np.arange(3 * len(faces)).reshape(-1, 3)
+    if rng.random() < 0.2:  # two sheets, one beside the other or over it
+        faces = np.r_[faces, faces + len(points)]
+        points = np.r_[points, points + rng.normal(0, 200, 3)]
+    if rng.random() < 0.1:
+        points *= 10.0 ** rng.uniform(-6, 6)
+    if rng.random() < 0.1:
+        points += rng.normal(0, 1e4, 3)
+    return Mesh(points, faces)
