@@ -6,9 +6,9 @@ Pieces of the gallery's sheets, about 60,000 points 0.5 mm apart, are scanned vi
 The sticks' energy is minimised from the true layout, so that no solver's fault shows, and the layout is compared with
 the truth of every point (rigid fit, no scaling). `floor` is the same for lengths along the true surface between the
 feet of the noisy points: noise moves the feet, and no lengths can undo that.
-Prints a Markdown table; a few minutes. White, correlated (Gaussian, so many pixels wide) and growing noise (from 0.02 to
-0.15 mm across the sheet) lie along the scanner's rays; `delaunay` is a random mesh with slivers and noise in all
-directions. Seconds are of a second run.
+White, correlated (Gaussian, so many pixels wide) and growing noise (0.02 to 0.15 mm across the sheet) lie along the
+scanner's rays; `delaunay` is a random mesh with slivers, and noise in all directions. Seconds are of a second run.
+Prints a Markdown table, in a few minutes.
 """
 
 from __future__ import annotations
@@ -164,8 +164,8 @@ def row(name: str, kind: str) -> str:
     (floor, _), (raw, raw_size), (rms, size) = figures
     times = f"{rms / floor:.1f}" if floor > 0.001 else ""
     return (
-        f"| {name} | {kind} | {len(case.truth_xy):,} | {floor:.3f} | {raw:.3f} | {raw_size:+.3f} | **{rms:.3f}** | {times} "
-        f"| {size:+.3f} | {smoothed.typical_noise_mm:.3f} | {smoothed.smoothing.name.lower()} | {seconds:.2f} |"
+        f"| {name} | {kind} | {len(case.truth_xy):,} | {floor:.3f} | {raw:.3f} | {raw_size:+.3f} | **{rms:.3f}** "
+        f"| {times} | {size:+.3f} | {smoothed.typical_noise_mm:.3f} | {smoothed.smoothing.name.lower()} | {seconds:.2f} |"
     )
 
 

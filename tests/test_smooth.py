@@ -1,7 +1,7 @@
 """Smooth rest lengths against the lengths of sheets whose flat truth is known.
 
-Noise is put on along the surface's normal: then the noisy points stand over their true places on the page, and the true
-length of an edge is the distance of its ends on the page.
+Noise is put on along the surface's normal: then the noisy points stand over their true places on the page, and the
+true length of an edge is the distance of its ends on the page.
 """
 
 from functools import cache
@@ -180,7 +180,7 @@ def test_an_irregular_mesh_with_slivers():
 
 @pytest.mark.parametrize("name", ["book", "letter"])
 def test_smooth_normals_are_true_and_stay_sharp_at_folds(name):
-    mesh, truth_xy, topo = with_noise(name, 0.07, white)
+    mesh, _, topo = with_noise(name, 0.07, white)
     true = scanned(name)[2]
     got = smooth_normals(mesh, topo)
     angle = np.degrees(np.arccos(np.clip(np.einsum("ij,ij->i", got, true), -1, 1)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numba import njit, prange
@@ -10,6 +11,9 @@ from numpy.typing import NDArray
 
 from planish.mesh import LUMINANCE, linear_light
 from planish.types import Bools, Page
+
+Field = NDArray[Any]
+"""float32, a value or three for each cell."""
 
 CELL_MM = 0.5
 BAND = 0.07
@@ -40,13 +44,13 @@ class Cells:
 
     side_px: int
     mm: float
-    light: NDArray[np.float32]
-    share: NDArray[np.float32]
-    clipped: NDArray[np.float32]
+    light: Field
+    share: Field
+    clipped: Field
     known: Bools
 
     @property
-    def brightness(self) -> NDArray[np.float32]:
+    def brightness(self) -> Field:
         """Luminance of `light`."""
         return np.asarray(self.light @ LUMINANCE)
 
@@ -60,7 +64,7 @@ def cut(page: Page) -> Cells:
         Colour or grey, 8 or 16 bit.
     """
     side = max(2, round(CELL_MM * page.dpi / 25.4))
-    pixels = np.asarray(page.pixels)
+    pixels: NDArray[Any] = np.asarray(page.pixels)
     pixels = pixels[..., None] if pixels.ndim == 2 else pixels
     rows, cols = (-(-n // side) for n in pixels.shape[:2])
     light = np.zeros((rows, cols, 3), np.float32)

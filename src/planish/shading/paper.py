@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from planish.mesh import LUMINANCE
-from planish.shading.cells import Cells
+from planish.shading.cells import Cells, Field
 from planish.types import Bools, Floats
-
-Field = NDArray[np.float32]
 
 WIDE = ((16.0, 0.10), (8.0, 0.06), (4.0, 0.05))
 """Widths [mm] over which the rest is smoothed, each with the misfit [log] up to which a cell counts as paper."""
@@ -24,6 +21,10 @@ CANDIDATE = 0.15
 SCATTER = 3.0
 """How many standard deviations of the paper's scatter around the model, among cells within CANDIDATE [log] of it, are
 added to every misfit: little where the light is as simple as the model."""
+BESIDE_MM = 2.0
+ENOUGH = 0.3
+"""Share of certain paper within BESIDE_MM of a place where the light is in doubt, from which on (half of it: not at
+all) that place is taken for paper too. Across a picture a crease stays as it is."""
 LITTLE = 0.02
 """Share of paper around a cell that outweighs no correction at all."""
 
@@ -52,9 +53,11 @@ def followed(cells: Cells, log_model: Floats, doubt: Floats) -> Field:
     doubt = doubt.astype(np.float32)
     misfits = log @ LUMINANCE - log_model.astype(np.float32)
     tint, scatter = _paper(log, log_model, misfits, trust)
-    doubt = doubt.astype(np.float32) + SCATTER * scatter
+    sure = trust * _likeness(misfits, WIDE[0][1] + SCATTER * scatter)
+    beside = np.clip(2 * _blur(sure, BESIDE_MM / cells.mm) / ENOUGH - 1, 0, 1)
+    doubt = doubt.astype(np.float32) * beside + SCATTER * scatter
     lone = _lone(cells, misfits, doubt)
-    field = log_model[..., None].astype(np.float32) + tint
+    field: Field = log_model[..., None].astype(np.float32) + tint
     for rounds, strength in ((WIDE, np.float32(1)), (FINE, np.clip(doubt / UNSURE - 1, 0, 1)[..., None])):
         for width_mm, misfit in rounds:
             within = np.where(lone, AGREES, misfit) + doubt
@@ -80,7 +83,7 @@ def _lone(cells: Cells, misfits: Field, doubt: Field) -> Bools:
     return np.asarray(alike & ~large[patch])
 
 
-def _likeness(residual: Field, misfit: Field) -> Field:
+def _likeness(residual: Field, misfit: Field | float) -> Field:
     """How far a cell counts as paper: 1 without residual, 0 from `misfit` on (Tukey's biweight)."""
     return np.asarray(np.maximum(1 - (residual / misfit) ** 2, 0) ** 2)
 

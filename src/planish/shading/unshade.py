@@ -6,39 +6,27 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numba import njit, prange
-from numpy.typing import NDArray
 from scipy import ndimage
 
-from planish.mesh import LUMINANCE, code_values, linear_light
+from planish.errors import UsageError
+from planish.mesh import LUMINANCE
 from planish.settings import ShadingSettings
 from planish.shading import light as lighting
-from planish.shading.cells import Cells, cut
-from planish.shading.paper import Field, followed, nearby_range
+from planish.shading.cells import Cells, Field, cut
+from planish.shading.divide import divided
+from planish.shading.paper import followed, nearby_range
 from planish.shading.shadow import lit
 from planish.shading.surface import surface_under
-from planish.types import Bools, Floats, Page, Pixels, Scan
+from planish.types import Bools, Floats, Page, Scan
 
 ENOUGH_PAPER = 200
 """Cells of quiet paper, 0.5 mm wide, that the light can be found from."""
 CLOSING_MM = 6.0
 """What is darker than its surroundings and narrower than this is print to the background method."""
+DARKEST = 0.05
+"""Where less light falls than this part of the page's middling light, only so much is made good: the rest is noise."""
 COLOURED = 0.5
 """Paper one of whose channels has less than this of the greatest is coloured, and its colour is kept."""
-WHITE = 0.94
-"""Light, against the paper's, that becomes white: the paper's own grain is just clipped."""
-KNEE = 0.7
-"""Light below which nothing is bent to reach that."""
-DARK = 0.12
-"""Light below which a spot is black print."""
-SPOT_MM = 0.25
-"""A spot: the core of a stroke, wide enough that a filter's ringing is averaged out."""
-INKED = 0.0005
-"""Part of the page that must be black print, for it to become black."""
-BLACKEST = 0.06
-"""Ink that is paler than this is not made black."""
-INK = 0.9
-"""Of the light that the blackest ink sends back, so much is taken away."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,12 +95,19 @@ def unshade(
     settings : ShadingSettings, optional
         With a method other than "none".
 
+    Raises
+    ------
+    UsageError
+        Where the method is "none".
+
     Notes
     -----
     Light is divided in each channel, so that a tint of the light or a yellowed paper goes too and inks keep their hue;
     only the colour of plainly coloured paper is kept.
     """
     s = settings or ShadingSettings()
+    if s.shading == "none":
+        raise UsageError('shading is "none", so there is no shade to remove; choose geometry or background')
     cells = cut(page)
     found = _by_geometry(cells, scan, page_xy, normals) if s.shading == "geometry" else None
     warnings: tuple[str, ...] = ()
@@ -122,8 +117,9 @@ def unshade(
             "the background instead",
         )
     field, lamp = found or (_background(cells), None)
-    gain = np.exp(-field) * _kept_colour(field, cells)
-    pixels, clipped = _divided(page, gain, cells.side_px)
+    if cells.known.any():
+        field = np.maximum(field, np.median(field[cells.known], axis=0) + np.log(DARKEST, dtype=np.float32))
+    pixels, clipped = divided(page, np.exp(-field) * _kept_colour(field, cells), cells.side_px)
     fit = _quality(cells, field, lamp, float((clipped & page.known).mean()), warnings)
     return Unshaded(Page(pixels, page.known, page.dpi, page.icc), clipped, fit)
 
@@ -156,7 +152,7 @@ def _background(cells: Cells) -> Field:
     return np.asarray(np.log(np.maximum(smooth, 1e-4)))
 
 
-def _filled(field: NDArray[np.floating], known: Bools) -> NDArray[np.floating]:
+def _filled(field: Field, known: Bools) -> Field:
     """The field with what is not known taken from the nearest cell that is."""
     if known.all() or not known.any():
         return field
@@ -169,87 +165,6 @@ def _kept_colour(field: Field, cells: Cells) -> Field:
     paper = np.exp(np.median(field[cells.known], axis=0)) if cells.known.any() else np.ones(3)
     colour = paper / paper.max()
     return np.asarray(colour if colour.min() < COLOURED else np.ones(3), np.float32)
-
-
-def _divided(page: Page, gain: Field, side: int) -> tuple[NDArray[np.generic], Bools]:
-    """Multiply the page's light by the gain and bend what comes near white to white."""
-    source = np.asarray(page.pixels)
-    pixels = np.empty_like(source)
-    clipped = np.empty(source.shape[:2], bool)
-    flat = (*source.shape[:2], -1)
-    gain = gain if source.ndim == 3 else (gain @ LUMINANCE)[..., None]
-    light = linear_light(np.iinfo(source.dtype).max + 1)
-    black = _black(source.reshape(flat), page.known, gain, side, light, page.dpi)
-    tone = _toned(np.linspace(0, 1, 65536), black)
-    codes = code_values(source.dtype)[np.rint(65535 * tone).astype(int)]
-    _divide(
-        source.reshape(flat), page.known, np.ascontiguousarray(gain), side, light, codes, pixels.reshape(flat), clipped
-    )
-    return pixels, clipped
-
-
-def _black(source: Pixels, known: Bools, gain: Field, side: int, light: Field, dpi: float) -> float:
-    """Light that the black ink sends back, or 0 where there is no black print."""
-    spot = max(1, round(SPOT_MM * dpi / 25.4))
-    grey = _spots(source, known, gain, side, light, spot)
-    ink = grey[grey < DARK]
-    if len(ink) < INKED * grey.size:
-        return 0.0
-    black = float(np.quantile(ink, 0.02))
-    return INK * black if black < BLACKEST else 0.0
-
-
-@njit(parallel=True, cache=True)
-def _spots(source, known, gain, side, light, spot):  # type: ignore[no-untyped-def]
-    """Mean luminance of squares of pixels, evenly lit; 1 where one of them is not known."""
-    last = source.shape[2] - 1
-    grey = np.ones((source.shape[0] // spot, source.shape[1] // spot), np.float32)
-    for i in prange(grey.shape[0]):
-        for j in range(grey.shape[1]):
-            r, q = i * spot, j * spot
-            total, whole = np.float32(0), True
-            factor = gain[min(r // side, gain.shape[0] - 1), min(q // side, gain.shape[1] - 1)]
-            for y in range(r, r + spot):
-                for x in range(q, q + spot):
-                    whole &= known[y, x]
-                    total += LUMINANCE[0] * light[source[y, x, 0]] * factor[0]
-                    total += LUMINANCE[1] * light[source[y, x, min(1, last)]] * factor[min(1, last)]
-                    total += LUMINANCE[2] * light[source[y, x, last]] * factor[last]
-            if whole:
-                grey[i, j] = total / (spot * spot)
-    return grey
-
-
-def _toned(light: Floats, black: float) -> Floats:
-    """Stretch from black ink up, and from KNEE on so that WHITE becomes 1."""
-    light = np.maximum(light - black, 0) / (1 - black)
-    return np.minimum(np.where(light < KNEE, light, KNEE + (light - KNEE) * (1 - KNEE) / (WHITE - KNEE)), 1)
-
-
-@njit(parallel=True, cache=True)
-def _divide(source, known, gain, side, light, codes, pixels, clipped):  # type: ignore[no-untyped-def]
-    """Per pixel: codes[light[source] * gain], the gain bilinear between the middles of the cells."""
-    rows, cols = gain.shape[:2]
-    channels = source.shape[2]
-    half, top = 0.5 * (side - 1), len(light) - 1
-    for r in prange(source.shape[0]):
-        y = min(max((r - half) / side, 0.0), rows - 1.0)
-        i = min(int(y), max(rows - 2, 0))
-        below = min(i + 1, rows - 1)
-        v = np.float32(y - i)
-        for q in range(source.shape[1]):
-            x = min(max((q - half) / side, 0.0), cols - 1.0)
-            j = min(int(x), max(cols - 2, 0))
-            right = min(j + 1, cols - 1)
-            u = np.float32(x - j)
-            full = False
-            for c in range(channels):
-                above = gain[i, j, c] + u * (gain[i, right, c] - gain[i, j, c])
-                under = gain[below, j, c] + u * (gain[below, right, c] - gain[below, j, c])
-                value = light[source[r, q, c]] * (above + v * (under - above))
-                full |= source[r, q, c] == top
-                pixels[r, q, c] = codes[int(min(value, np.float32(1.0)) * 65535 + 0.5)] if known[r, q] else codes[65535]
-            clipped[r, q] = full
 
 
 def _quality(
@@ -270,7 +185,7 @@ def _quality(
     )
 
 
-def _range_of_greys(light: NDArray[np.floating]) -> float:
+def _range_of_greys(light: Field) -> float:
     """From the 10 % to the 90 % quantile, as code values in parts of white."""
     if not len(light):
         return 0.0

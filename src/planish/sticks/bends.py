@@ -9,9 +9,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from planish.sticks.crew import Crew
-from planish.sticks.normals import AREA, PLACE, Ring, Rows, closeness, typical_step
+from planish.sticks.normals import AREA, PLACE, Ring, Rows, closeness
 from planish.sticks.vectors import dot, minus, plus, row, tangents, times, unit
-from planish.types import Ints
 
 Bends = NDArray[np.float32]
 """(n, 4): unit vector a of the direction in which the sheet is bent most, and its curvature there [1/mm].
@@ -22,17 +21,17 @@ A step d along the surface turns the normal by dN = curvature (a . d) a; the rul
 CURVATURE = 3
 
 
-def find_bends(rows: Rows, ring: Ring, edges: Ints, rounds: int, stop: float, run: Crew) -> Bends:
+def find_bends(rows: Rows, ring: Ring, reach: float, rounds: int, run: Crew) -> Bends:
     """Fit the shape operator to every ring, smooth it within the creases, and keep its greater curvature.
 
     Parameters
     ----------
+    reach : float
+        Neighbours with |N_i - N_j|^2 over this are across a crease.
     rounds : int
         Of smoothing.
-    stop : float
-        Neighbours whose normals differ by more than so many typical steps are across a crease.
     """
-    scale = np.float32(1 / max(stop**2 * typical_step(rows, edges), 1e-10))
+    scale = np.float32(1 / max(reach, 1e-10))
     shape, smooth = np.empty_like(rows), np.empty_like(rows)
     run(_fit_shape, len(rows), rows, ring, scale, shape)
     for _ in range(rounds):
@@ -103,8 +102,16 @@ def _greatest_bend(first, last, rows, shape, bends):  # type: ignore[no-untyped-
     for i in range(first, last):
         s, t = tangents(row(rows, i))
         m = shape[i]
-        a = m[0] * s[0] + m[3] * s[1] + m[4] * s[2], m[3] * s[0] + m[1] * s[1] + m[5] * s[2], m[4] * s[0] + m[5] * s[1] + m[2] * s[2]
-        b = m[0] * t[0] + m[3] * t[1] + m[4] * t[2], m[3] * t[0] + m[1] * t[1] + m[5] * t[2], m[4] * t[0] + m[5] * t[1] + m[2] * t[2]
+        a = (
+            m[0] * s[0] + m[3] * s[1] + m[4] * s[2],
+            m[3] * s[0] + m[1] * s[1] + m[5] * s[2],
+            m[4] * s[0] + m[5] * s[1] + m[2] * s[2],
+        )
+        b = (
+            m[0] * t[0] + m[3] * t[1] + m[4] * t[2],
+            m[3] * t[0] + m[1] * t[1] + m[5] * t[2],
+            m[4] * t[0] + m[5] * t[1] + m[2] * t[2],
+        )
         ss, st, tt = dot(a, s), dot(a, t), dot(b, t)
         mean, half = 0.5 * (ss + tt), math.sqrt(0.25 * (ss - tt) ** 2 + st * st)
         angle = 0.5 * math.atan2(2.0 * st, ss - tt) + (0.5 * math.pi if mean < 0.0 else 0.0)

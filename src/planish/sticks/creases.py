@@ -19,10 +19,11 @@ ODD = 9.0
 CALM = 6.0
 SAME_PLANE = math.cos(math.radians(6.0))
 NEAR = 48
+BLUR = 1e-4
 
 
 def find_sides(
-    points: Floats, rows: Rows, bends: Bends, ring: Ring, rings: int, blur: float, run: Crew
+    points: Floats, rows: Rows, bends: Bends, ring: Ring, rings: int, noise: float, spacing: float, run: Crew
 ) -> Ints:
     """For every point the one whose plane it lies on: itself, or at a crease a calmer one near by.
 
@@ -32,15 +33,17 @@ def find_sides(
         How the planes are bent.
     rings : {1, 2}
         How far to look.
-    blur : float
-        Square of the distance from a plane [mm^2] that noise explains.
+    noise, spacing : float [mm]
+        Standard deviation of the noise, and the typical length of an edge.
 
     Returns
     -------
     (n,) int32
     """
     run(_measure_spread, len(rows), rows, ring)
-    typical = max(float(np.median(rows[:: max(1, len(rows) // SAMPLE), SPREAD])), 1e-12)
+    some = rows[:: max(1, len(rows) // SAMPLE), SPREAD]
+    typical = max(float(np.median(some)), 1e-12) if len(some) else 1.0
+    blur = 2.0 * noise**2 + BLUR * spacing**2 + 1e-30
     source = np.empty(len(rows), np.int32)
     run(_choose, len(rows), points, rows, bends, ring, rings, typical, blur, source)
     return source

@@ -55,9 +55,7 @@ def ring_noise(points: Floats, rows: Rows, ring: Ring, run: Crew) -> Floats:
     return np.asarray(np.abs(off) * np.float32(FROM_MEDIAN / RING_GAIN))
 
 
-def surface_noise(
-    points: Floats, rows: Rows, bends: Bends, source: Ints, spread_mm2: float, run: Crew
-) -> Floats:
+def surface_noise(points: Floats, rows: Rows, bends: Bends, source: Ints, spread_mm2: float, run: Crew) -> Floats:
     """(n,) distance [mm] of every point from the smooth surface, white or not.
 
     Parameters
@@ -81,6 +79,8 @@ def around(points: Floats, values: Floats, spacing: float) -> Floats:
     >>> around(np.c_[x, 0 * x, 0 * x], values, 1.0)[[0, 499, 999]].round(1)
     array([1. , 2. , 3. ])
     """
+    if not len(points):
+        return np.zeros(0)
     low, span = points.min(axis=0), np.ptp(points, axis=0)
     side = max(CELL * spacing, float(span.max()) / 200, 1e-12)
     shape = np.append(np.maximum((span / side).astype(np.int64) + 1, 1), 1)

@@ -36,6 +36,22 @@ def refit(points: Floats, normals: Rows, ring: Ring, at: Ints, noise_mm: float, 
     return out
 
 
+def points_at_folds(normals: Rows, ring: Ring, run: Crew) -> Ints:
+    """Points with a neighbour whose normal stands at more than 20 degrees to theirs."""
+    at_fold = np.empty(len(normals), np.bool_)
+    run(_find_folds, len(normals), normals, ring, at_fold)
+    return np.flatnonzero(at_fold).astype(np.int32)
+
+
+@njit(cache=True, nogil=True)
+def _find_folds(first, last, normals, ring, at_fold):  # type: ignore[no-untyped-def]
+    for i in range(first, last):
+        at_fold[i] = False
+        for q in range(ring.start[i], ring.start[i + 1]):
+            if square(minus(row(normals, ring.neighbour[q]), row(normals, i))) > SAME_SIDE:
+                at_fold[i] = True
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def _refit(first, last, points, normals, ring, at, noise_mm, out):  # type: ignore[no-untyped-def]
     near = np.empty(MOST, np.int32)
