@@ -165,7 +165,8 @@ def row(name: str, kind: str) -> str:
     times = f"{rms / floor:.1f}" if floor > 0.001 else ""
     return (
         f"| {name} | {kind} | {len(case.truth_xy):,} | {floor:.3f} | {raw:.3f} | {raw_size:+.3f} | **{rms:.3f}** "
-        f"| {times} | {size:+.3f} | {smoothed.typical_noise_mm:.3f} | {smoothed.smoothing.name.lower()} | {seconds:.2f} |"
+        f"| {times} | {size:+.3f} | {smoothed.typical_noise_mm:.3f} | {smoothed.smoothing.name.lower()} "
+        f"| {seconds:.2f} |"
     )
 
 

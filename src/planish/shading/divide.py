@@ -65,7 +65,7 @@ def _black(source: NDArray[Any], known: Bools, gain: Field, side: int, light: Fi
     spot = max(1, round(SPOT_MM * dpi / 25.4))
     grey = _spots(source, known, gain, side, light, spot)
     ink = grey[grey < DARK]
-    if len(ink) < INKED * grey.size:
+    if len(ink) <= INKED * grey.size:
         return 0.0
     black = float(np.quantile(ink, 0.02))
     return INK * black if black < BLACKEST else 0.0

@@ -9,7 +9,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from planish.sticks.crew import Crew
-from planish.sticks.normals import AREA, PLACE, Ring, Rows, closeness
+from planish.sticks.normals import AREA, NOISE, PLACE, Ring, Rows, closeness
 from planish.sticks.vectors import dot, minus, plus, row, tangents, times, unit
 
 Bends = NDArray[np.float32]
@@ -52,12 +52,12 @@ def turned(normal, bend, curvature, step):  # type: ignore[no-untyped-def]
 def _fit_shape(first, last, rows, ring, scale, shape):  # type: ignore[no-untyped-def]
     """Least squares of |N_j - N_i - S (x_j - x_i)|^2 over the ring, as a symmetric 3 x 3 matrix times its weight."""
     for i in range(first, last):
-        n, x = row(rows, i), row(rows, i, PLACE)
+        n, x, near = row(rows, i), row(rows, i, PLACE), scale / rows[i, NOISE]
         s, t = tangents(n)
         ss, st, tt, gss, gst, gtt = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         for q in range(ring.start[i], ring.start[i + 1]):
             j = ring.neighbour[q]
-            weight = closeness(n, row(rows, j), scale) * rows[j, AREA]
+            weight = closeness(n, row(rows, j), near) * rows[j, AREA]
             step, turn = minus(row(rows, j, PLACE), x), minus(row(rows, j), n)
             u, v = dot(step, s), dot(step, t)
             nu, nv = dot(turn, s), dot(turn, t)
@@ -80,15 +80,26 @@ def _fit_shape(first, last, rows, ring, scale, shape):  # type: ignore[no-untype
         shape[i, 6], shape[i, 7] = weight, 0.0
 
 
+@njit(cache=True, nogil=True)
+def _product(shape, i, v):  # type: ignore[no-untyped-def]
+    """Matrix i, kept as xx, yy, zz, xy, xz, yz, times a vector."""
+    m = shape[i]
+    return (
+        m[0] * v[0] + m[3] * v[1] + m[4] * v[2],
+        m[3] * v[0] + m[1] * v[1] + m[5] * v[2],
+        m[4] * v[0] + m[5] * v[1] + m[2] * v[2],
+    )
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def _smooth_shape(first, last, rows, ring, scale, shape, out):  # type: ignore[no-untyped-def]
     for i in range(first, last):
-        n = row(rows, i)
+        n, near = row(rows, i), scale / rows[i, NOISE]
         out[i] = shape[i]
         total = np.float32(1)
         for q in range(ring.start[i], ring.start[i + 1]):
             j = ring.neighbour[q]
-            weight = closeness(n, row(rows, j), scale)
+            weight = closeness(n, row(rows, j), near)
             if weight > 0:
                 total += weight
                 for k in range(7):
@@ -101,21 +112,11 @@ def _smooth_shape(first, last, rows, ring, scale, shape, out):  # type: ignore[n
 def _greatest_bend(first, last, rows, shape, bends):  # type: ignore[no-untyped-def]
     for i in range(first, last):
         s, t = tangents(row(rows, i))
-        m = shape[i]
-        a = (
-            m[0] * s[0] + m[3] * s[1] + m[4] * s[2],
-            m[3] * s[0] + m[1] * s[1] + m[5] * s[2],
-            m[4] * s[0] + m[5] * s[1] + m[2] * s[2],
-        )
-        b = (
-            m[0] * t[0] + m[3] * t[1] + m[4] * t[2],
-            m[3] * t[0] + m[1] * t[1] + m[5] * t[2],
-            m[4] * t[0] + m[5] * t[1] + m[2] * t[2],
-        )
+        a, b = _product(shape, i, s), _product(shape, i, t)
         ss, st, tt = dot(a, s), dot(a, t), dot(b, t)
         mean, half = 0.5 * (ss + tt), math.sqrt(0.25 * (ss - tt) ** 2 + st * st)
         angle = 0.5 * math.atan2(2.0 * st, ss - tt) + (0.5 * math.pi if mean < 0.0 else 0.0)
         bend = plus(times(math.cos(angle), s), math.sin(angle), t)
         for k in range(3):
             bends[i, k] = bend[k]
-        bends[i, CURVATURE] = (mean + half if mean >= 0.0 else mean - half) / max(m[6], np.float32(1e-30))
+        bends[i, CURVATURE] = (mean + half if mean >= 0.0 else mean - half) / max(shape[i, 6], np.float32(1e-30))

@@ -9,7 +9,7 @@ from numba import njit
 
 from planish.sticks.bends import CURVATURE, Bends, turned
 from planish.sticks.crew import Crew
-from planish.sticks.normals import PLACE, SAMPLE, SPREAD, Ring, Rows
+from planish.sticks.normals import NOISE, PLACE, SAMPLE, Ring, Rows
 from planish.sticks.vectors import dot, minus, row, square
 from planish.types import Floats, Ints
 
@@ -40,12 +40,13 @@ def find_sides(
     -------
     (n,) int32
     """
-    run(_measure_spread, len(rows), rows, ring)
-    some = rows[:: max(1, len(rows) // SAMPLE), SPREAD]
+    spread = np.empty(len(rows), np.float32)
+    run(_measure_spread, len(rows), rows, ring, spread)
+    some = spread[:: max(1, len(rows) // SAMPLE)]
     typical = max(float(np.median(some)), 1e-12) if len(some) else 1.0
     blur = 2.0 * noise**2 + BLUR * spacing**2 + 1e-30
     source = np.empty(len(rows), np.int32)
-    run(_choose, len(rows), points, rows, bends, ring, rings, typical, blur, source)
+    run(_choose, len(rows), points, rows, bends, ring, rings, spread, typical, blur, source)
     return source
 
 
@@ -57,8 +58,8 @@ def carry(points: Floats, rows: Rows, bends: Bends, source: Ints, run: Crew) -> 
 
 
 @njit(cache=True, nogil=True)
-def _measure_spread(first, last, rows, ring):  # type: ignore[no-untyped-def]
-    """|N_i - N_j|^2 at PLACE_IN_RING of the ring in ascending order."""
+def _measure_spread(first, last, rows, ring, out):  # type: ignore[no-untyped-def]
+    """|N_i - N_j|^2 over the local noise, at PLACE_IN_RING of the ring in ascending order."""
     steps = np.empty(64, np.float32)
     for i in range(first, last):
         count = min(ring.start[i + 1] - ring.start[i], len(steps))
@@ -68,28 +69,27 @@ def _measure_spread(first, last, rows, ring):  # type: ignore[no-untyped-def]
                 steps[at] = steps[at - 1]
                 at -= 1
             steps[at] = step
-        rows[i, SPREAD] = steps[min(int(PLACE_IN_RING * count), count - 1)] if count > 0 else 0.0
+        out[i] = steps[min(int(PLACE_IN_RING * count), count - 1)] / rows[i, NOISE] if count > 0 else 0.0
 
 
 @njit(cache=True, nogil=True)
-def _choose(first, last, points, rows, bends, ring, rings, typical, blur, source):  # type: ignore[no-untyped-def]
+def _choose(first, last, points, rows, bends, ring, rings, spread, typical, blur, source):  # type: ignore[no-untyped-def]
     near, cost = np.empty(NEAR, np.int32), np.empty(NEAR)
     for i in range(first, last):
         source[i] = i
-        spread = rows[i, SPREAD]
-        if spread <= max(ODD * typical, LEAST_SPREAD):
+        if spread[i] <= max(ODD * typical, LEAST_SPREAD):
             continue
         count = _gather(i, ring, rings, near)
         a = -1
         for q in range(count):
             j = near[q]
             cost[q] = np.inf
-            if rows[j, SPREAD] < spread / CALM:
+            if spread[j] < spread[i] / CALM:
                 height = height_over(points, i, rows, bends, j)
-                cost[q] = 3.0 * math.log(1.0 + rows[j, SPREAD] / typical) + height * height / blur
+                cost[q] = 3.0 * math.log(1.0 + spread[j] / typical) + height * height / blur
                 if a < 0 or cost[q] < cost[a]:
                     a = q
-        if a < 0 or 3.0 * math.log(1.0 + spread / typical) < cost[a]:
+        if a < 0 or 3.0 * math.log(1.0 + spread[i] / typical) < cost[a]:
             continue
         b = -1
         for q in range(count):

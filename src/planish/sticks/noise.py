@@ -24,7 +24,7 @@ RING_GAIN = 1.36
 CELL = 12
 """Side of the cells that noise is averaged in, in edges; with their neighbours they hold 1,000 points or so."""
 
-OUTLIER = 6.0
+OUTLIER = 4.0
 """Values over so many medians count as that: a crease is no noise, but noise may differ by this over a sheet."""
 
 

@@ -14,13 +14,13 @@ from planish.sticks.vectors import cross, minus, plus, row, square, times
 from planish.types import Floats, Ints
 
 Rows = NDArray[np.float32]
-"""(n, 8): unit normal, area of the point's faces, the place the normal belongs to [mm], spread of the ring's normals.
+"""(n, 8): unit normal, area of the point's faces, the place the normal belongs to [mm], local noise.
 
 32 bytes, so that one cache line brings two points. The place is the point itself at first; it is averaged with the
-normals, as an average normal belongs to the average place.
+normals, as an average normal belongs to the average place. The local noise is its variance over the typical one.
 """
 
-AREA, PLACE, SPREAD = 3, 4, 7
+AREA, PLACE, NOISE = 3, 4, 7
 
 SAMPLE = 20_000
 """Edges or points that a median is taken over: its error is then under 1 %."""
@@ -39,16 +39,19 @@ def surface_rows(points: Floats, faces: Ints) -> Rows:
 
 
 def typical_step(rows: Rows, edges: Ints) -> float:
-    """Median |N_i - N_j|^2 over a sample of the edges."""
+    """Median |N_i - N_j|^2 over a sample of the edges, as it would be everywhere if noise were the same."""
     some = edges[:: max(1, len(edges) // SAMPLE)]
-    step = rows[some[:, 0], :3] - rows[some[:, 1], :3]
-    return float(np.median(np.einsum("ij,ij->i", step, step))) if len(some) else 0.0
+    here, there = rows[some[:, 0]], rows[some[:, 1]]
+    step = here[:, :3] - there[:, :3]
+    return float(np.median(np.einsum("ij,ij->i", step, step) / here[:, NOISE])) if len(some) else 0.0
 
 
 def diffuse(rows: Rows, ring: Ring, reach: float, run: Crew) -> Rows:
-    """One round of smoothing; neighbours whose normal differs by more than sqrt(reach) are left out.
+    """One round of smoothing; neighbours whose normals differ by more than noise makes them are left out.
 
-    N_i <- unit(A_i N_i + sum over the ring of w_ij N_j),  w_ij = A_j (1 - |N_i - N_j|^2 / reach)_+^2
+    N_i <- unit(A_i N_i + sum over the ring of w_ij N_j),  w_ij = A_j (1 - |N_i - N_j|^2 / (reach s_i^2))_+^2
+
+    with s_i^2 the local noise.
     """
     out = np.empty_like(rows)
     run(_diffuse, len(rows), rows, ring, np.float32(1 / max(reach, 1e-12)), out)
@@ -70,18 +73,18 @@ def _surface_rows(points, faces):  # type: ignore[no-untyped-def]
         for k in range(3):
             out[i, k] /= area if area > 0.0 else 1.0
             out[i, PLACE + k] = points[i, k]
-        out[i, AREA] = 0.5 * area
+        out[i, AREA], out[i, NOISE] = 0.5 * area, 1.0
     return out
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _diffuse(first, last, rows, ring, scale, out):  # type: ignore[no-untyped-def]
     for i in range(first, last):
-        n, total = row(rows, i), rows[i, AREA]
+        n, total, near = row(rows, i), rows[i, AREA], scale / rows[i, NOISE]
         normal, place = times(total, n), times(total, row(rows, i, PLACE))
         for q in range(ring.start[i], ring.start[i + 1]):
             j = ring.neighbour[q]
-            weight = closeness(n, row(rows, j), scale) * rows[j, AREA]
+            weight = closeness(n, row(rows, j), near) * rows[j, AREA]
             normal, place = plus(normal, weight, row(rows, j)), plus(place, weight, row(rows, j, PLACE))
             total += weight
         store(out, rows, i, normal, place, total)

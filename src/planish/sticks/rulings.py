@@ -8,9 +8,8 @@ from numpy.typing import NDArray
 
 from planish.sticks.bends import Bends
 from planish.sticks.crew import Crew
-from planish.sticks.normals import AREA, PLACE, SAMPLE, Ring, Rows, closeness, store
+from planish.sticks.normals import AREA, NOISE, PLACE, SAMPLE, Ring, Rows, closeness, store
 from planish.sticks.vectors import cross, dot, minus, plus, row, square, times
-from planish.types import Ints
 
 Mates = NDArray[np.int32]
 """(n, 2) points some edges away from every point, one either way along its ruling; itself where there is none."""
@@ -46,7 +45,7 @@ def _typical_step(rows: Rows, mates: Mates) -> float:
     some = np.arange(0, len(mates), max(1, len(mates) // SAMPLE))
     some = some[mates[some, 0] != some]
     step = rows[some, :3] - rows[mates[some, 0], :3]
-    return float(np.median(np.einsum("ij,ij->i", step, step))) if len(some) else 0.0
+    return float(np.median(np.einsum("ij,ij->i", step, step) / rows[some, NOISE])) if len(some) else 0.0
 
 
 @njit(cache=True, nogil=True)
@@ -104,11 +103,11 @@ def _double(first, last, rows, bends, ring, mates, further):  # type: ignore[no-
 @njit(cache=True, nogil=True)
 def _average(first, last, rows, mates, scale, out):  # type: ignore[no-untyped-def]
     for i in range(first, last):
-        n, total = row(rows, i), np.float32(2) * rows[i, AREA]
+        n, total, near = row(rows, i), np.float32(2) * rows[i, AREA], scale / rows[i, NOISE]
         normal, place = times(total, n), times(total, row(rows, i, PLACE))
         for side in range(2):
             j = mates[i, side]
-            weight = closeness(n, row(rows, j), scale) * rows[j, AREA]
+            weight = closeness(n, row(rows, j), near) * rows[j, AREA]
             normal, place = plus(normal, weight, row(rows, j)), plus(place, weight, row(rows, j, PLACE))
             total += weight
         store(out, rows, i, normal, place, total)

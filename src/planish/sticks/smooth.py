@@ -16,7 +16,7 @@ from planish.sticks.bends import CURVATURE, Bends, find_bends
 from planish.sticks.creases import carry, find_sides
 from planish.sticks.crew import Crew, crew
 from planish.sticks.noise import FROM_MEAN, angle_defects, around, ring_noise, surface_noise
-from planish.sticks.normals import AREA, Ring, Rows, diffuse, surface_rows, typical_step
+from planish.sticks.normals import AREA, NOISE, Ring, Rows, diffuse, surface_rows, typical_step
 from planish.sticks.quadric import points_at_folds, refit
 from planish.sticks.rulings import average_along
 from planish.sticks.strain import distances
@@ -34,6 +34,9 @@ and more than 24 gain less than a hundredth of what the noise itself does at 0.2
 
 NOISIEST = 0.9
 """The rounds are right for all but this part of a sheet whose noise varies."""
+
+LEAST_NOISE = 0.1
+"""Of the variance of the typical noise: below, true bends are what normals differ by."""
 
 FIRST_REACH, REACH = 12**2, 8**2
 """Normals that differ by more than so many typical steps (squared) are across a crease. With 3 to 5 the outliers of
@@ -158,7 +161,7 @@ def smooth_lengths(points: Floats, faces: Ints, topology: Topology) -> SmoothLen
         scan = _look_at(points, faces, topology, raw, run)
         raw_defects = angle_defects(raw, faces, topology, len(points), run)
         buckling = math.sqrt(float(np.quantile(raw_defects, 0.25))) if len(raw_defects) else 0.0
-        wanted = _rounds(scan) if buckling > BUCKLED else 0
+        wanted = _look_for_noise(scan) if buckling > BUCKLED else 0
         for rounds in dict.fromkeys((wanted, 0)):
             surface = _find_surface(scan, rounds, run)
             rest = np.empty(len(raw))
@@ -188,9 +191,11 @@ def _look_at(points: Floats, faces: Ints, topology: Topology, raw: Floats, run: 
     return _Scan(centred, topology.edges, ring, rows, spacing, mean_square, ring_noise(centred, rows, ring, run))
 
 
-def _rounds(scan: _Scan) -> int:
-    noise = np.quantile(around(scan.points, scan.ring_noise, scan.spacing), NOISIEST)
-    return int(np.clip(ROUNDS_PER_NOISE * noise / scan.spacing, FEWEST, MOST))
+def _look_for_noise(scan: _Scan) -> int:
+    """Note where there is more and less noise, and say how many rounds of smoothing it asks for."""
+    noise = around(scan.points, scan.ring_noise, scan.spacing)
+    scan.rows[:, NOISE] = np.maximum((noise / np.median(noise)) ** 2, LEAST_NOISE)
+    return int(np.clip(ROUNDS_PER_NOISE * np.quantile(noise, NOISIEST) / scan.spacing, FEWEST, MOST))
 
 
 def _without_noise(

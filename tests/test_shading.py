@@ -1,0 +1,272 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import ndimage
+
+from planish.errors import UsageError
+from planish.mesh import code_values, linear_light
+from planish.settings import ShadingSettings
+from planish.shading import unshade
+from planish.shading.light import fit, robust
+from planish.shading.shadow import lit
+from planish.types import Mesh, Page, Scan
+from shapes import grid
+
+WIDTH, HEIGHT, RADIUS, DPI = 120.0, 160.0, 70.0, 100.0
+LAMP, AMBIENT = np.array([150.0, 60.0, 400.0]), 0.25
+MIDDLE = np.array([0.0, -HEIGHT / 2, 40.0])
+WHITE_LEVEL = 0.8
+
+
+def bend(page_xy):
+    """An arch over the y axis: places in space, and normals."""
+    angle = (page_xy[..., 0] - WIDTH / 2) / RADIUS
+    normals = np.stack([np.sin(angle), 0 * angle, np.cos(angle)], axis=-1)
+    points = np.stack([RADIUS * np.sin(angle), -page_xy[..., 1], RADIUS * (np.cos(angle) - np.cos(0.86))], axis=-1)
+    return points, normals
+
+
+def page_places():
+    """Middle of every pixel on the page [mm]."""
+    rows, cols = round(HEIGHT * DPI / 25.4), round(WIDTH * DPI / 25.4)
+    return np.stack(np.meshgrid(np.arange(cols) + 0.5, np.arange(rows) + 0.5), axis=-1) * 25.4 / DPI
+
+
+def irradiance(points, normals):
+    """Of a near lamp and light from all around, 1 at most about."""
+    way = LAMP - points
+    distance = np.linalg.norm(way, axis=-1)
+    facing = np.maximum((normals * way).sum(axis=-1) / distance, 0)
+    lamp = facing * (np.linalg.norm(LAMP - MIDDLE) / distance) ** 2
+    return AMBIENT + (1 - AMBIENT) * lamp
+
+
+def photographed(reflectance, tint=(1.0, 1.0, 1.0), exposure=WHITE_LEVEL, noise=0.7, dtype=np.uint8):
+    """A page of known reflectance (rows, cols[, 3]) under the lamp, in code values with noise [1 / 255]."""
+    colour = reflectance if reflectance.ndim == 3 else np.repeat(reflectance[..., None], 3, axis=2)
+    shine = irradiance(*bend(page_places()))
+    light = np.clip(colour * exposure * shine[..., None] * np.array(tint), 0, 1)
+    most = np.iinfo(dtype).max
+    code = code_values(np.dtype(np.uint16))[np.rint(light * 65535).astype(int)] / 65535 * most
+    code = code + np.random.default_rng(0).normal(0, noise * most / 255, code.shape)
+    return Page(np.clip(np.rint(code), 0, most).astype(dtype), np.ones(shine.shape, bool), DPI)
+
+
+@pytest.fixture(scope="module")
+def sheet():
+    page_xy, faces = grid(81, 61, WIDTH, HEIGHT)
+    points, normals = bend(page_xy)
+    return Scan(Mesh(points, faces[:, ::-1])), page_xy, normals
+
+
+def text(shape, ink=0.04, seed=1):
+    """Reflectance of blank paper with dark strokes in lines, and where it is blank for 1 mm around."""
+    rng = np.random.default_rng(seed)
+    paper = np.ones(shape)
+    for top in range(40, shape[0] - 40, 18):
+        for left in range(40, shape[1] - 40, 5):
+            if rng.random() < 0.6:
+                paper[top : top + rng.integers(4, 9), left : left + 2] = ink
+    return paper, ndimage.binary_erosion(paper == 1, iterations=4)
+
+
+def evenness(page, blank):
+    """From the 10 % to the 90 % quantile of grey on blank paper, in percent of white."""
+    smooth = ndimage.uniform_filter(np.asarray(page.pixels, float).mean(axis=2), 5)
+    return float(np.ptp(np.quantile(smooth[blank], [0.1, 0.9]))) / np.iinfo(page.pixels.dtype).max * 100
+
+
+@pytest.fixture(scope="module")
+def shape():
+    return page_places().shape[:2]
+
+
+# --- what it is for -------------------------------------------------------------------------------------------------
+
+
+def test_paper_becomes_even_and_just_white(sheet, shape):
+    paper, blank = text(shape)
+    page = photographed(paper)
+    made = unshade(page, *sheet)
+    assert evenness(page, blank) > 15
+    assert made.fit.unevenness < 0.008  # of cells, before white is clipped: noise of 0.7 / 255 over 2 x 2 pixels
+    assert made.fit.unevenness_before > 0.15
+    assert (np.asarray(made.page.pixels)[blank] == 255).mean() > 0.99
+    assert made.fit.method == "geometry"
+    assert made.fit.warnings == ()
+    assert made.page.dpi == DPI
+
+
+def test_the_lamp_is_found(sheet, shape):
+    made = unshade(photographed(text(shape)[0]), *sheet)
+    # on a sheet of 160 mm, 370 mm below the lamp, brightness known to 0.5 % gives the lamp to a few hundredths
+    assert np.linalg.norm(np.array(made.fit.lamp_mm) - LAMP) < 30
+    assert made.fit.ambient == pytest.approx(AMBIENT, abs=0.05)
+
+
+def test_a_grey_picture_over_half_the_page_keeps_its_greys(sheet, shape):
+    """And the background method takes it for shade: that is what the shape is good for."""
+    paper, _ = text(shape)
+    top, bottom, left, right = 60, 360, 40, shape[1] - 40
+    picture = 0.25 + 0.5 * np.linspace(0, 1, bottom - top)[:, None] ** 2 * np.ones(right - left)
+    paper[top - 12 : bottom + 12, left - 6 : right + 6] = 1
+    paper[top:bottom, left:right] = picture
+    page = photographed(paper)
+    true = code_values(np.dtype(np.uint8))[np.rint((picture - 0.036) / 0.964 * 65535).astype(int)].mean()
+    grey = {}
+    for method in ("geometry", "background"):
+        made = unshade(page, *sheet, ShadingSettings(shading=method)).page
+        grey[method] = np.asarray(made.pixels, float)[top:bottom, left:right].mean()
+    assert grey["geometry"] == pytest.approx(true, rel=0.03)
+    assert grey["background"] > 1.2 * true
+
+
+def test_colours_keep_their_hue_under_a_tinted_light(sheet, shape):
+    """A red stamp on cream paper in warm light: its colour against the paper's is the print's."""
+    red = np.array([0.55, 0.05, 0.07])
+    colour = np.ones((*shape, 3))
+    colour[400:480, 200:380] = red
+    colour[100:104, 60:400] = 0.04  # some black print
+    made = unshade(photographed(colour, tint=(1.0, 0.9, 0.72)), *sheet).page
+    stamp = linear_light(256)[np.asarray(made.pixels)[410:470, 210:370]].mean(axis=(0, 1))
+    # less what was taken away to make ink black, 0.036; 0.012 in light is about Delta E 2 for a red like this
+    np.testing.assert_allclose(stamp, (red - 0.036) / 0.964, atol=0.012)
+    assert (np.asarray(made.pixels)[500:600, 100:400] == 255).mean() > 0.99
+
+
+def test_coloured_paper_stays_coloured(sheet, shape):
+    yellow = np.ones((*shape, 3)) * [0.95, 0.85, 0.3]
+    made = unshade(photographed(yellow), *sheet).page
+    light = linear_light(256)[np.asarray(made.pixels)]
+    blue = light[..., 2]
+    assert light[..., 0].min() > 0.98
+    assert np.median(blue) == pytest.approx(0.3 / 0.95, abs=0.02)
+    assert np.ptp(np.quantile(blue, [0.1, 0.9])) < 0.02
+
+
+def test_ink_becomes_black_and_faint_print_does_not(sheet, shape):
+    dark, pale = text(shape, ink=0.05)[0], text(shape, ink=0.3)[0]
+    core = [ndimage.binary_erosion(p < 1, np.ones((3, 1))) for p in (dark, pale)]
+    black = np.asarray(unshade(photographed(dark), *sheet).page.pixels)[core[0]]
+    faint = np.asarray(unshade(photographed(pale), *sheet).page.pixels)[core[1]]
+    assert np.median(black) < 30  # from 63
+    assert np.median(linear_light(256)[faint]) == pytest.approx(0.3, abs=0.02)
+
+
+def test_clipped_pixels_are_marked_and_not_believed(sheet, shape):
+    page = photographed(text(shape)[0], exposure=1.4)
+    made = unshade(page, *sheet)
+    full = (np.asarray(page.pixels) == 255).any(axis=2)
+    assert 0.1 < full.mean() < 0.9
+    assert (made.clipped == full).all()
+    assert made.fit.clipped_share == pytest.approx(full.mean())
+    assert np.linalg.norm(np.array(made.fit.lamp_mm) - LAMP) < 60  # found from half the page
+
+
+# --- shadows --------------------------------------------------------------------------------------------------------
+
+
+def wall_and_table():
+    """A table 200 mm wide with a wall of 20 mm standing along x = 0, and a lamp far to the left at 45 degrees."""
+    table, faces = grid(41, 41, 200.0, 200.0)
+    wall, wall_faces = grid(9, 41, 200.0, 20.0)
+    points = np.concatenate(
+        [
+            np.c_[table[:, 0] - 100, table[:, 1] - 100, 0 * table[:, 0]],
+            np.c_[0 * wall[:, 0], wall[:, 0] - 100, wall[:, 1]],
+        ]
+    )
+    return Mesh(points, np.concatenate([faces, wall_faces + len(table)]))
+
+
+def test_shadow_of_a_wall():
+    x = np.linspace(-90, 90, 181)
+    points = np.stack([x, 0 * x + 3, 0 * x], axis=-1)
+    up = np.tile([0.0, 0, 1], (len(x), 1))
+    far = 1e5
+    share = lit(wall_and_table(), np.array([-far, 0, far]), points, up)
+    # the shadow reaches as far as the wall is high; a pixel of the lamp's view is 0.4 mm, the slack 1 mm and more
+    assert (share[(x > 4) & (x < 16)] == 0).all()
+    assert (share[(x < -4) | (x > 24)] == 1).all()
+
+
+# --- robustness -----------------------------------------------------------------------------------------------------
+
+
+def test_light_is_fitted_to_the_brightest_kind_of_cell():
+    """Three cells in four are print of all greys; the light is still the paper's."""
+    rng = np.random.default_rng(6)
+    points, normals = bend(rng.uniform(0, 1, (3000, 2)) * [WIDTH, HEIGHT])
+    shine = irradiance(points, normals)
+    printed = rng.random(3000) < 0.75
+    bright = shine * np.where(printed, rng.uniform(0.05, 0.8, 3000), 1) * np.exp(rng.normal(0, 0.003, 3000))
+    light = fit(points, normals, np.zeros(3000), bright)
+    error = light.log_brightness(points, normals, np.zeros(3000)) - np.log(shine)
+    assert np.abs(error).max() < 0.02
+
+
+def test_what_is_darker_than_paper_pulls_less_than_what_is_brighter():
+    residual = np.array([-2.0, -0.01, 0.0, 0.01, 2.0])
+    pull = robust(residual, 0.05)
+    assert abs(pull[0]) <= 0.05
+    assert pull[4] > 0.3
+    np.testing.assert_allclose(pull[1:4], residual[1:4], rtol=0.03)
+
+
+def test_a_page_without_quiet_paper_falls_back_and_says_so(sheet, shape):
+    noise = np.random.default_rng(7).uniform(0.05, 1, shape)
+    made = unshade(photographed(noise), *sheet)
+    assert made.fit.method == "background"
+    assert made.fit.lamp_mm is None
+    assert "too little blank paper" in made.fit.warnings[0]
+
+
+@pytest.mark.parametrize("method", ["geometry", "background"])
+def test_sixteen_bits_grey_and_colour_agree(sheet, shape, method):
+    paper, _ = text(shape)
+    s = ShadingSettings(shading=method)
+    colour = photographed(paper, noise=0.0, dtype=np.uint16)
+    grey = replace(colour, pixels=np.asarray(colour.pixels)[..., 0])
+    found = [unshade(page, *sheet, s).page.pixels for page in (colour, grey)]
+    assert found[0].dtype == found[1].dtype == np.uint16
+    # the same up to the rounding of light to 65535 steps
+    assert np.abs(found[0][..., 0].astype(int) - found[1].astype(int)).max() <= 64
+
+
+def test_exposure_does_not_matter(sheet, shape):
+    paper, blank = text(shape)
+    found = [np.asarray(unshade(photographed(paper, exposure=e), *sheet).page.pixels) for e in (0.3, 0.7)]
+    assert np.abs(found[0].astype(int) - found[1])[blank].max() <= 2
+
+
+def test_unknown_parts_stay_white_and_out_of_the_fit(sheet, shape):
+    page = photographed(text(shape)[0])
+    known = np.ones(shape, bool)
+    known[:, :150] = False
+    pixels = np.array(page.pixels)
+    pixels[:, :150] = 40
+    made = unshade(Page(pixels, known, DPI), *sheet)
+    assert (np.asarray(made.page.pixels)[:, :150] == 255).all()
+    assert np.linalg.norm(np.array(made.fit.lamp_mm) - LAMP) < 60
+
+
+@settings(max_examples=12)
+@given(
+    st.tuples(st.integers(1, 30), st.integers(1, 30)), st.sampled_from(["geometry", "background"]), st.integers(0, 2)
+)
+def test_any_page_comes_through(size, method, kind):
+    page_xy, faces = grid(5, 4, 30.0, 30.0)
+    points, normals = bend(page_xy)
+    pixels = np.random.default_rng(0).integers(0, 256, (*size, 3), np.uint8) if kind == 2 else np.zeros((*size, 3))
+    page = Page(pixels.astype(np.uint8), np.full(size, kind != 1), 25.4)
+    made = unshade(page, Scan(Mesh(points, faces[:, ::-1])), page_xy, normals, ShadingSettings(shading=method))
+    assert made.page.pixels.shape == (*size, 3)
+    assert made.clipped.shape == size
+
+
+def test_refusal(sheet, shape):
+    with pytest.raises(UsageError, match="choose geometry or background"):
+        unshade(photographed(np.ones(shape)), *sheet, ShadingSettings(shading="none"))
