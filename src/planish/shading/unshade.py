@@ -16,11 +16,14 @@ from planish.shading.cells import Cells, Field, cut
 from planish.shading.divide import divided
 from planish.shading.paper import followed, nearby_range
 from planish.shading.shadow import lit
-from planish.shading.surface import surface_under
+from planish.shading.surface import Surface, surface_under
 from planish.types import Bools, Floats, Page, Scan
 
 ENOUGH_PAPER = 200
 """Cells of quiet paper, 0.5 mm wide, that the light can be found from."""
+PAPER_SHARE = 0.02
+ALIKE = 0.1
+"""So much of the page must lie within so much [log] of the light found, or it is no page of blank paper and print."""
 CLOSING_MM = 6.0
 """What is darker than its surroundings and narrower than this is print to the background method."""
 DARKEST = 0.05
@@ -127,6 +130,19 @@ def unshade(
 def _by_geometry(cells: Cells, scan: Scan, page_xy: Floats, normals: Floats) -> tuple[Field, lighting.Light] | None:
     """Logarithm of the light of paper in each cell, and the lamp; None where there is too little paper."""
     surface = surface_under(cells, scan, page_xy, normals)
+    lamp = _lamp(cells, surface)
+    if lamp is None:
+        return None
+    share = lit(scan.mesh, lamp.lamp, surface.points, surface.normals)
+    bare = _filled(lamp.log_brightness(surface.points, surface.normals, surface.off_axis), surface.known)
+    model = _filled(lamp.log_brightness(surface.points, surface.normals, surface.off_axis, share), surface.known)
+    bend, edge = (max(1, round(mm / cells.mm)) for mm in (1.5, 4.0))
+    doubt = np.maximum(nearby_range(bare, bend), nearby_range(model - bare, edge))
+    return followed(cells, model, doubt), lamp
+
+
+def _lamp(cells: Cells, surface: Surface) -> lighting.Light | None:
+    """The light found from the quiet cells, where enough of them agree with it."""
     bright = cells.brightness
     quiet = (cells.share > 0.7) & cells.known & surface.known & (cells.clipped < 0.1) & (bright > 0.01)
     if quiet.sum() < ENOUGH_PAPER:
@@ -135,12 +151,11 @@ def _by_geometry(cells: Cells, scan: Scan, page_xy: Floats, normals: Floats) -> 
     lamp = lighting.fit(
         surface.points[some], surface.normals[some], surface.off_axis[some], bright[some].astype(np.float64)
     )
-    share = lit(scan.mesh, lamp.lamp, surface.points, surface.normals)
-    bare = _filled(lamp.log_brightness(surface.points, surface.normals, surface.off_axis), surface.known)
-    model = _filled(lamp.log_brightness(surface.points, surface.normals, surface.off_axis, share), surface.known)
-    bend, edge = (max(1, round(mm / cells.mm)) for mm in (1.5, 4.0))
-    doubt = np.maximum(nearby_range(bare, bend), nearby_range(model - bare, edge))
-    return followed(cells, model, doubt), lamp
+    misfit = np.log(bright[some]) - lamp.log_brightness(
+        surface.points[some], surface.normals[some], surface.off_axis[some]
+    )
+    paper = (np.abs(misfit) < ALIKE).mean() * quiet.sum()
+    return lamp if paper > max(ENOUGH_PAPER, PAPER_SHARE * cells.known.sum()) else None
 
 
 def _background(cells: Cells) -> Field:

@@ -20,6 +20,7 @@ CALM = 6.0
 SAME_PLANE = math.cos(math.radians(6.0))
 NEAR = 48
 BLUR = 1e-4
+FARTHEST = 0.05
 
 
 def find_sides(
@@ -44,9 +45,10 @@ def find_sides(
     run(_measure_spread, len(rows), rows, ring, spread)
     some = spread[:: max(1, len(rows) // SAMPLE)]
     typical = max(float(np.median(some)), 1e-12) if len(some) else 1.0
+    farthest = 3.0 * noise + FARTHEST * spacing
     blur = 2.0 * noise**2 + BLUR * spacing**2 + 1e-30
     source = np.empty(len(rows), np.int32)
-    run(_choose, len(rows), points, rows, bends, ring, rings, spread, typical, blur, source)
+    run(_choose, len(rows), points, rows, bends, ring, rings, spread, typical, blur, farthest, source)
     return source
 
 
@@ -73,7 +75,7 @@ def _measure_spread(first, last, rows, ring, out):  # type: ignore[no-untyped-de
 
 
 @njit(cache=True, nogil=True)
-def _choose(first, last, points, rows, bends, ring, rings, spread, typical, blur, source):  # type: ignore[no-untyped-def]
+def _choose(first, last, points, rows, bends, ring, rings, spread, typical, blur, farthest, source):  # type: ignore[no-untyped-def]
     near, cost = np.empty(NEAR, np.int32), np.empty(NEAR)
     for i in range(first, last):
         source[i] = i
@@ -84,8 +86,8 @@ def _choose(first, last, points, rows, bends, ring, rings, spread, typical, blur
         for q in range(count):
             j = near[q]
             cost[q] = np.inf
-            if spread[j] < spread[i] / CALM:
-                height = height_over(points, i, rows, bends, j)
+            height = height_over(points, i, rows, bends, j)
+            if spread[j] < spread[i] / CALM and abs(height) < farthest:
                 cost[q] = 3.0 * math.log(1.0 + spread[j] / typical) + height * height / blur
                 if a < 0 or cost[q] < cost[a]:
                     a = q

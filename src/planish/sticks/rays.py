@@ -1,0 +1,80 @@
+"""Noise taken out of the points themselves, where it is known along which ray a point was measured."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from planish.sticks.crew import Crew
+from planish.sticks.normals import Ring
+from planish.sticks.vectors import dot, minus, plus, row, unit
+from planish.types import Floats
+
+ROUNDS = 4
+"""More do not help: 10 and 24 rounds leave the same error (book, 0.07 mm of noise: 0.0096, 0.0098, 0.0099 mm)."""
+
+SAME_SIDE = 1 - math.cos(math.radians(12.0))
+"""Neighbours whose normals differ by more than 12 degrees lie across a crease and say nothing."""
+
+OWN, BREATH = 0.15, 0.3
+"""Share of its last value that a height keeps, and weight with which it is held at nought, both against overshooting."""
+
+GRAZING = 0.15
+"""Rays that meet the surface at less than 8.6 degrees are not followed: the shift would be many times the noise."""
+
+
+def onto_surface(points: Floats, normals: Floats, ring: Ring, eye: Floats, run: Crew) -> Floats:
+    """Move every point along its ray to where the normals around it want the surface to be.
+
+    If neither end had noise, an edge would be at right angles to the mean of its ends' normals (to third order in its
+    length where the sheet is bent). What is missing there is the difference of the ends' heights over the surface,
+    which a few rounds of averaging even out:
+
+        d_i <- mean over the ring of (p_j - p_i) . (N_i + N_j) / 2 + d_j
+
+    Parameters
+    ----------
+    points : (n, 3) float64 [mm]
+    normals : (n, 3) float32
+        Without noise.
+    ring : Ring
+    eye : (3,) float64 [mm]
+        Where the rays come from.
+
+    Returns
+    -------
+    (n, 3) float64 [mm]
+    """
+    height, further = np.zeros(len(points)), np.empty(len(points))
+    for _ in range(ROUNDS):
+        run(_level, len(points), points, normals, ring, height, further)
+        height, further = further, height
+    moved = np.empty_like(points)
+    run(_follow_rays, len(points), points, normals, height, eye, moved)
+    return moved
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _level(first, last, points, normals, ring, height, out):  # type: ignore[no-untyped-def]
+    for i in range(first, last):
+        p, n = row(points, i), row(normals, i)
+        missing, total = 0.0, BREATH
+        for q in range(ring.start[i], ring.start[i + 1]):
+            j = ring.neighbour[q]
+            m = row(normals, j)
+            weight = max(1.0 - (1.0 - dot(n, m)) / SAME_SIDE, 0.0) ** 2
+            missing += weight * (0.5 * dot(minus(row(points, j), p), plus(n, 1.0, m)) + height[j])
+            total += weight
+        out[i] = OWN * height[i] + (1.0 - OWN) * missing / total
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _follow_rays(first, last, points, normals, height, eye, moved):  # type: ignore[no-untyped-def]
+    for i in range(first, last):
+        p, n = row(points, i), row(normals, i)
+        ray = unit(minus(p, (eye[0], eye[1], eye[2])))
+        towards = dot(n, ray)
+        shift = height[i] / towards if abs(towards) > GRAZING else 0.0
+        moved[i, 0], moved[i, 1], moved[i, 2] = plus(p, shift, ray)
