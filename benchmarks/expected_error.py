@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from machine import machine
-from planish.flatten import flatten
+from planish.flattening import flatten
 from planish.gallery import sheet, sheet_mesh
 from planish.io import read_scan
 from planish.mesh import clean

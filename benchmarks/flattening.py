@@ -21,8 +21,8 @@ from time import perf_counter
 import numpy as np
 
 from machine import machine
-from planish.flatten import flatten
-from planish.flatten.overlaps import overlaps
+from planish.flattening import flatten
+from planish.flattening.overlaps import overlaps
 from planish.gallery import sheet, sheet_mesh
 from planish.mesh import Topology, area_vectors, topology
 from planish.report import flipped_faces

@@ -16,7 +16,7 @@ from time import perf_counter
 import numpy as np
 
 from machine import machine
-from planish.flatten import settle
+from planish.flattening import settle
 from planish.gallery import sheet, virtual_scan
 from planish.io import read_scan
 from planish.mesh import carry, clean, stand_on_table, subsample, topology

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from planish.flatten import settle
-from planish.flatten.collide import REACH, keep_apart, near_pairs, over_face
+from planish.flattening import settle
+from planish.flattening.collide import REACH, keep_apart, near_pairs, over_face
 from planish.mesh import neighbours, topology
 from planish.settings import VerletSettings
 from planish.sticks import make_sticks

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from planish.flatten import flatten
+from planish.flattening import flatten
 from planish.mesh import clean
 from planish.settings import FlattenSettings
 from planish.types import Mesh, Outcome, Scan

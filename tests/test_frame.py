@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planish.flatten import direction_of_growth, to_page_frame, turned
+from planish.flattening import direction_of_growth, to_page_frame, turned
 from shapes import grid, rigid_rms
 
 UV, _ = grid(40, 30, 210, 297)

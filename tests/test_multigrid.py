@@ -5,13 +5,13 @@ import pytest
 from scipy.sparse import coo_array, eye_array
 from scipy.sparse.linalg import spsolve
 
+from planish.crew import crew
 from planish.errors import UsageError
-from planish.flatten.crew import crew
-from planish.flatten.energy import energy, make_net, stiffness
-from planish.flatten.grid import make_preconditioner, precondition
-from planish.flatten.multigrid import relax
-from planish.flatten.overlaps import layers, overlaps
-from planish.flatten.untangle import untangle
+from planish.flattening.energy import energy, make_net, stiffness
+from planish.flattening.grid import make_preconditioner, precondition
+from planish.flattening.multigrid import relax
+from planish.flattening.overlaps import layers, overlaps
+from planish.flattening.untangle import untangle
 from planish.gallery import sheet, sheet_mesh
 from planish.mesh import clean, topology
 from planish.settings import MultigridSettings

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from planish.flatten.clusters import RADIUS, lay_out_clusters
-from planish.flatten.crew import crew
-from planish.flatten.joints import join
-from planish.flatten.unfold import lay_out
+from planish.crew import crew
+from planish.flattening.clusters import RADIUS, lay_out_clusters
+from planish.flattening.joints import join
+from planish.flattening.unfold import lay_out
 from planish.gallery import SHEETS, sheet, sheet_mesh
 from planish.mesh import topology
 from planish.sticks.strain import distances

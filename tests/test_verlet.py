@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from planish.errors import UsageError
-from planish.flatten import settle
-from planish.flatten.verlet import fall, project, relax
+from planish.flattening import settle
+from planish.flattening.verlet import fall, project, relax
 from planish.mesh import topology
 from planish.settings import VerletSettings
 from planish.sticks import make_sticks

@@ -10,8 +10,8 @@ from time import perf_counter
 import numpy as np
 
 from planish.binarize import binarize
-from planish.flatten import direction_of_growth, to_page_frame, turned
-from planish.flatten import flatten as lay_flat
+from planish.flattening import direction_of_growth, to_page_frame, turned
+from planish.flattening import flatten as lay_flat
 from planish.mesh import Cleaned, clean, to_file_order
 from planish.render import Rendered, draw, project, skew_degrees, upright_turn
 from planish.report import account
@@ -83,8 +83,7 @@ def restore(scan: Scan, settings: RestoreSettings | None = None, progress: Progr
         report = replace(report, shading=_shading_report(unshaded.fit))
     report = replace(report, seconds=stage.seconds, seconds_total=sum(stage.seconds.values()))
     flat = _in_file_order(cleaned, scan, flat)
-    pages = (made.page if made else None for made in (rendered, unshaded))
-    return Restoration(flat, *pages, binary, report)
+    return Restoration(flat, rendered.page if rendered else None, unshaded.page if unshaded else None, binary, report)
 
 
 def flatten(

@@ -159,7 +159,7 @@ class Flattening:
     strain : (float, float)
         Root mean square and greatest relative error of the edges against the rest lengths used.
     error_mm : (n,) float64 [mm]
-        Expected distance of every point from its true place, see `planish.flatten.expected`.
+        Expected distance of every point from its true place, see `planish.flattening.expected`.
     local_strain : (n,) float64
         Root mean square strain of the edges around every point.
     noise_mm : float or None

@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from planish.sticks.crew import Crew
+from planish.crew import Crew
 from planish.sticks.normals import AREA, NOISE, PLACE, Ring, Rows, closeness
 from planish.sticks.vectors import dot, minus, plus, row, tangents, times, unit
 

@@ -7,8 +7,8 @@ import math
 import numpy as np
 from numba import njit
 
+from planish.crew import Crew
 from planish.sticks.bends import CURVATURE, Bends, turned
-from planish.sticks.crew import Crew
 from planish.sticks.normals import NOISE, PLACE, SAMPLE, Ring, Rows
 from planish.sticks.vectors import dot, minus, row, square
 from planish.types import Floats, Ints

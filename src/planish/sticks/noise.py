@@ -7,10 +7,10 @@ import math
 import numpy as np
 from numba import njit
 
+from planish.crew import Crew
 from planish.mesh import Topology
 from planish.sticks.bends import Bends
 from planish.sticks.creases import height_over
-from planish.sticks.crew import Crew
 from planish.sticks.normals import Ring, Rows
 from planish.sticks.vectors import dot, minus, row
 from planish.types import Floats, Ints

@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from planish.sticks.crew import Crew
+from planish.crew import Crew
 from planish.sticks.vectors import cross, minus, plus, row, square, times
 from planish.types import Floats, Ints
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numba import njit
 
-from planish.sticks.crew import Crew
+from planish.crew import Crew
 from planish.sticks.normals import Ring
 from planish.sticks.vectors import dot, minus, plus, row, unit
 from planish.types import Floats

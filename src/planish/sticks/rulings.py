@@ -6,8 +6,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from planish.crew import Crew
 from planish.sticks.bends import Bends
-from planish.sticks.crew import Crew
 from planish.sticks.normals import AREA, NOISE, PLACE, SAMPLE, Ring, Rows, closeness, store
 from planish.sticks.vectors import cross, dot, minus, plus, row, square, times
 

@@ -11,10 +11,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from planish.crew import Crew, crew
 from planish.mesh import Topology, neighbours
 from planish.sticks.bends import CURVATURE, Bends, find_bends
 from planish.sticks.creases import carry, find_sides
-from planish.sticks.crew import Crew, crew
 from planish.sticks.noise import FROM_MEAN, angle_defects, around, ring_noise, surface_noise
 from planish.sticks.normals import AREA, NOISE, Ring, Rows, diffuse, surface_rows, typical_step
 from planish.sticks.quadric import points_at_folds, refit

@@ -7,15 +7,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planish.flatten.crew import Crew, crew
-from planish.flatten.energy import make_net
-from planish.flatten.grid import make_preconditioner
-from planish.flatten.lengths import median_edge
-from planish.flatten.minimise import minimise
-from planish.flatten.overlaps import overlaps
-from planish.flatten.pieces import as_seen, bring_together, lay_apart, number_pieces
-from planish.flatten.unfold import lay_out
-from planish.flatten.untangle import untangle
+from planish.crew import Crew, crew
+from planish.flattening.energy import make_net
+from planish.flattening.grid import make_preconditioner
+from planish.flattening.lengths import median_edge
+from planish.flattening.minimise import minimise
+from planish.flattening.overlaps import overlaps
+from planish.flattening.pieces import as_seen, bring_together, lay_apart, number_pieces
+from planish.flattening.unfold import lay_out
+from planish.flattening.untangle import untangle
 from planish.mesh import Topology
 from planish.settings import MultigridSettings
 from planish.types import Floats, Ints, Mesh, Outcome, Sticks

@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from planish.flatten.crew import Crew
+from planish.crew import Crew
 from planish.mesh import Topology
 from planish.mesh.adjacency import faces_around
 from planish.types import Floats, Ints

@@ -8,9 +8,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from planish.flatten.crew import BLOCK, Crew
-from planish.flatten.energy import Net, energy
-from planish.flatten.grid import Preconditioner, precondition
+from planish.crew import BLOCK, Crew
+from planish.flattening.energy import Net, energy
+from planish.flattening.grid import Preconditioner, precondition
 from planish.types import Floats, Outcome
 
 MEMORY = 4

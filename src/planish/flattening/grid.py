@@ -21,10 +21,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from planish.flatten.crew import Crew
-from planish.flatten.energy import Net, stiffness
-from planish.flatten.lengths import median_edge
-from planish.flatten.patches import Patches, make_patches, solve_patches
+from planish.crew import Crew
+from planish.flattening.energy import Net, stiffness
+from planish.flattening.lengths import median_edge
+from planish.flattening.patches import Patches, make_patches, solve_patches
 from planish.types import Floats, Ints
 
 Float32s = NDArray[np.float32]

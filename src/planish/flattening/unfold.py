@@ -6,9 +6,9 @@ into clusters that are too small to drift, each is laid out by itself, and all a
 
 from __future__ import annotations
 
-from planish.flatten.clusters import lay_out_clusters
-from planish.flatten.crew import Crew
-from planish.flatten.joints import gather, join
+from planish.crew import Crew
+from planish.flattening.clusters import lay_out_clusters
+from planish.flattening.joints import gather, join
 from planish.mesh import Topology
 from planish.types import Floats, Ints
 
@@ -38,7 +38,7 @@ def lay_out(faces: Ints, topology: Topology, edge_rest: Floats, point_count: int
     Four triangles around a point, each with a right angle there: a square.
 
     >>> import numpy as np
-    >>> from planish.flatten.crew import crew
+    >>> from planish.crew import crew
     >>> from planish.mesh import topology
     >>> faces = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 1]], np.int32)
     >>> found = topology(faces, 5)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.sparse import bsr_array, csc_array
 from scipy.sparse.linalg import splu
 
-from planish.flatten.clusters import Clusters
+from planish.flattening.clusters import Clusters
 from planish.types import Floats, Ints
 
 Complex = NDArray[np.complex128]

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from planish.flatten.collide import keep_apart, mark_passed, near_pairs, slow_down
+from planish.flattening.collide import keep_apart, mark_passed, near_pairs, slow_down
 from planish.mesh import neighbours
 from planish.settings import VerletSettings
 from planish.types import Bools, Floats, Ints, Mesh, Outcome, Sticks

@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planish.flatten.expected import chords_shortfall, expected_error
-from planish.flatten.frame import direction_of_growth, place_on_page, to_page_frame, turned
-from planish.flatten.multigrid import relax
-from planish.flatten.overlaps import overlaps
-from planish.flatten.verlet import settle
+from planish.flattening.expected import chords_shortfall, expected_error
+from planish.flattening.frame import direction_of_growth, place_on_page, to_page_frame, turned
+from planish.flattening.multigrid import relax
+from planish.flattening.overlaps import overlaps
+from planish.flattening.verlet import settle
 from planish.mesh import Topology, carry, stand_on_table, subsample, topology
 from planish.settings import FlattenSettings
 from planish.sticks import make_sticks, strain
