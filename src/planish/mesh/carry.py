@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
+from planish.crew import crew
 from planish.mesh.subsample import Coarse
 from planish.types import Floats, Ints
 
@@ -32,7 +33,11 @@ def carry(coarse: Coarse, points: Floats, page_xy: Floats) -> Floats:
     mesh = coarse.mesh
     order, start = _faces_at_points(mesh.faces, len(mesh.points))
     maps = _point_maps(mesh.points, mesh.faces, page_xy)
-    return np.asarray(_carry(points, coarse.nearest, mesh.points, mesh.faces, order, start, maps, page_xy))
+    out = np.empty((len(points), 2))
+    with crew() as run:
+        net = mesh.points, mesh.faces, order, start
+        run(_carry, len(points), points, coarse.nearest, *net, maps, page_xy, out)
+    return out
 
 
 def _faces_at_points(faces: Ints, count: int) -> tuple[Ints, Ints]:
@@ -58,10 +63,9 @@ def _point_maps(points: Floats, faces: Ints, page_xy: Floats) -> Floats:
     return np.asarray(total / weight[:, None, None])
 
 
-@njit(parallel=True, cache=True)
-def _carry(points, nearest, corners, faces, order, start, maps, page_xy):  # type: ignore[no-untyped-def]
-    out = np.empty((len(points), 2))
-    for i in prange(len(points)):
+@njit(cache=True, nogil=True)
+def _carry(first, last, points, nearest, corners, faces, order, start, maps, page_xy, out):  # type: ignore[no-untyped-def]
+    for i in range(first, last):
         px, py, pz = points[i, 0], points[i, 1], points[i, 2]
         face, b0, b1, b2 = _closest_face(px, py, pz, nearest[i], corners, faces, order, start)
         x, y, total = 0.0, 0.0, 0.0
@@ -75,10 +79,9 @@ def _carry(points, nearest, corners, faces, order, start, maps, page_xy):  # typ
             total += w
         out[i, 0] = x / total
         out[i, 1] = y / total
-    return out
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _closest_face(px, py, pz, first, corners, faces, order, start):  # type: ignore[no-untyped-def]
     """The coarse face closest to p, found by walking from the faces of one of its points to those of the next.
 
@@ -101,12 +104,12 @@ def _closest_face(px, py, pz, first, corners, faces, order, start):  # type: ign
     return face, b0, b1, b2
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _dot(x0, y0, z0, x1, y1, z1):  # type: ignore[no-untyped-def]
     return x0 * x1 + y0 * y1 + z0 * z1
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _distance_to_face(px, py, pz, corners, a, b, c):  # type: ignore[no-untyped-def]
     """Squared distance of p to a triangle and the barycentric place of its closest point (Ericson 2005, 5.1.5)."""
     ax, ay, az = corners[a, 0], corners[a, 1], corners[a, 2]
