@@ -162,6 +162,8 @@ class Flattening:
         Expected distance of every point from its true place, see `planish.flattening.expected`.
     local_strain : (n,) float64
         Root mean square strain of the edges around every point.
+    seconds : float
+        From the mesh in memory to `page_xy` in memory.
     noise_mm : float or None
         Typical standard deviation of the scanner's noise, where it was measured.
     overlaps : int
@@ -183,6 +185,7 @@ class Flattening:
     strain: tuple[float, float]
     error_mm: Floats
     local_strain: Floats
+    seconds: float
     noise_mm: float | None = None
     overlaps: int = 0
     passed_points: int = 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +13,7 @@ from planish.flattening.frame import direction_of_growth, place_on_page, to_page
 from planish.flattening.multigrid import relax
 from planish.flattening.overlaps import overlaps
 from planish.flattening.verlet import settle
-from planish.mesh import Topology, carry, stand_on_table, subsample, topology
+from planish.mesh import Topology, carry, local_order, renumbered, stand_on_table, subsample, topology
 from planish.settings import FlattenSettings
 from planish.sticks import make_sticks, strain
 from planish.types import Flattening, Floats, Mesh, Outcome, Sticks
@@ -57,6 +58,11 @@ def flatten(
         Its page is not turned yet: see `to_page_frame`.
     """
     s = settings or FlattenSettings()
+    start = perf_counter()
+    order = local_order(mesh, topo)
+    if order is not None:
+        mesh = renumbered(mesh, order)
+        topo = topology(mesh.faces, len(mesh.points))
     count = _points_to_solve(s, len(mesh.points))
     coarse = subsample(mesh, topo, count) if count < len(mesh.points) else None
     sheet = mesh if coarse is None else coarse.mesh
@@ -67,13 +73,15 @@ def flatten(
     solve = _by_verlet if s.method == "verlet" else _by_multigrid
     solved = solve(sheet, sheet_topo, sticks, s, progress)
     flat = solved.xy if coarse is None else carry(coarse, mesh.points, solved.xy)
+    page_xy, size = place_on_page(flat * [1.0, -1.0])  # y runs down on the page
+    seconds = perf_counter() - start
     error, local_strain = expected_error(solved.xy, sticks)
     if coarse is not None:
         error = np.hypot(error, chords_shortfall(sheet, sheet_topo))[coarse.nearest]
         local_strain = local_strain[coarse.nearest]
-    page_xy, size = place_on_page(flat * [1.0, -1.0])  # y runs down on the page
+    back = slice(None) if order is None else np.argsort(order)
     return Flattening(
-        page_xy=page_xy,
+        page_xy=page_xy[back],
         size_mm=size,
         outcome=solved.outcome,
         method=s.method,
@@ -83,9 +91,10 @@ def flatten(
         residuals=solved.residuals,
         heights=solved.heights,
         strain=strain(solved.xy, sticks.pairs[: sticks.edges], sticks.rest[: sticks.edges]),
+        error_mm=error[back],
+        local_strain=local_strain[back],
+        seconds=seconds,
         noise_mm=None if sticks.noise_mm is None else float(np.median(sticks.noise_mm)),
-        error_mm=error,
-        local_strain=local_strain,
         overlaps=overlaps(mesh.faces, page_xy, topo),
         passed_points=solved.passed_points,
         warnings=solved.warnings,

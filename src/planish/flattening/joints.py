@@ -27,8 +27,8 @@ ROUNDS = 8
 """Gauss-Newton steps at most."""
 
 STILL = 1e-3
-"""No further step when no cluster turned by more than this [rad]: the next step would turn by about its square."""
-
+"""No further step when the large clusters turned by no more than this [rad] on average: the next step would turn them
+by about its square. Slivers that hang on by a short edge may spin for ever."""
 
 HINGED = 1e-10
 """Share of the greatest stiffness added to all, as a cluster that hangs on by a single point can turn freely."""
@@ -70,11 +70,13 @@ def join(clusters: Clusters) -> tuple[Complex, Complex, Ints]:
     """
     joints = _find_joints(clusters)
     rho, tau, piece = _chain(clusters.total, *joints, np.argsort(-_spread(joints), kind="stable"))
+    size = np.bincount(clusters.cluster)
+    large = size >= 0.5 * size.max()
     for _ in range(ROUNDS if len(joints.pairs) else 0):
         turn, shift = _gauss_newton_step(joints, rho, tau, np.unique(piece))
         rho *= np.exp(1j * turn)
         tau += shift
-        if not np.abs(turn).max() > STILL:
+        if not np.abs(turn[large]).mean() > STILL:
             break
     return rho, tau, piece
 

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
 from planish.gallery.sheets import Sheet
-from planish.mesh import rasterise
+from planish.mesh import depths, rasterise
+from planish.mesh import project as at_pixels
 from planish.types import Bools, Camera, Floats, Ints
 
 NEWTON_STEPS = 4
@@ -68,7 +69,7 @@ def fine_mesh(sheet: Sheet, cell_mm: float) -> FineMesh:
 
 
 def project(camera: Camera, points: Floats, zoom: float = 1.0) -> tuple[Floats, Floats]:
-    """Find where points fall on the photo, without distortion.
+    """Find where points fall on the photo, or on a larger or smaller image of the same view, and how far away they are.
 
     Parameters
     ----------
@@ -85,8 +86,7 @@ def project(camera: Camera, points: Floats, zoom: float = 1.0) -> tuple[Floats, 
     lens = camera.matrix.copy()
     lens[:2] *= zoom
     lens[:2, 2] += (zoom - 1) / 2
-    seen = points @ (lens @ camera.rotation).T + lens @ camera.translation
-    return seen[:, :2] / seen[:, 2:], seen[:, 2]
+    return at_pixels(replace(camera, matrix=lens), points), depths(camera, points)
 
 
 def covered(mesh: FineMesh, camera: Camera, shape_rc: tuple[int, int], zoom: float) -> tuple[Ints, NDArray[np.float32]]:

@@ -3,6 +3,7 @@
 from planish.mesh.adjacency import neighbours
 from planish.mesh.carry import carry
 from planish.mesh.clean import Cleaned, clean
+from planish.mesh.locality import local_order, renumbered
 from planish.mesh.measures import angle_sums, area_vectors, border_loops, point_normals
 from planish.mesh.place import to_file_order
 from planish.mesh.projection import depths, project
@@ -25,10 +26,12 @@ __all__ = [
     "code_values",
     "depths",
     "linear_light",
+    "local_order",
     "neighbours",
     "point_normals",
     "project",
     "rasterise",
+    "renumbered",
     "stand_on_table",
     "subsample",
     "to_file_order",

@@ -34,7 +34,7 @@ def account(
         Of the points of `cleaned.scan.mesh`.
     page : PageReport
     seconds : dict
-        Per stage; "flatten" is the time from the mesh in memory to every point's place on the page.
+        Per stage.
     warnings : list of str
         Of all stages so far, in order.
     """
@@ -73,7 +73,7 @@ def account(
             lengths=flat.lengths,
             points=flat.solved_points,
             iterations=flat.iterations,
-            seconds=seconds["flatten"],
+            seconds=flat.seconds,
             strain_rms=flat.strain[0],
             strain_max=flat.strain[1],
             strain_raw_rms=strain(flat.page_xy, edges, distances(mesh.points, edges))[0],

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from planish.mesh import project, rasterise
 from planish.shading.cells import Cells
@@ -32,7 +34,7 @@ class Surface:
     known: Bools
 
 
-def surface_under(cells: Cells, scan: Scan, page_xy: Floats, normals: Floats) -> Surface:
+def surface_under(cells: Cells, scan: Scan, page_xy: Floats, normals: NDArray[np.floating[Any]]) -> Surface:
     """Carry points, normals and photo places of a scan to the middles of the cells.
 
     Parameters

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 from scipy import ndimage
 
 from planish.errors import UsageError
@@ -82,7 +84,7 @@ class Unshaded:
 
 
 def unshade(
-    page: Page, scan: Scan, page_xy: Floats, normals: Floats, settings: ShadingSettings | None = None
+    page: Page, scan: Scan, page_xy: Floats, normals: NDArray[np.floating[Any]], settings: ShadingSettings | None = None
 ) -> Unshaded:
     """Make a page evenly lit and its paper white.
 
@@ -93,7 +95,7 @@ def unshade(
     scan : Scan
     page_xy : (n, 2) float64 [mm]
         Place on the page of every point of the scan.
-    normals : (n, 3) float64
+    normals : (n, 3) float
         Of the surface at every point, away from the printed side.
     settings : ShadingSettings, optional
         With a method other than "none".
@@ -127,7 +129,9 @@ def unshade(
     return Unshaded(Page(pixels, page.known, page.dpi, page.icc), clipped, fit)
 
 
-def _by_geometry(cells: Cells, scan: Scan, page_xy: Floats, normals: Floats) -> tuple[Field, lighting.Light] | None:
+def _by_geometry(
+    cells: Cells, scan: Scan, page_xy: Floats, normals: NDArray[np.floating[Any]]
+) -> tuple[Field, lighting.Light] | None:
     """Logarithm of the light of paper in each cell, and the lamp; None where there is too little paper."""
     surface = surface_under(cells, scan, page_xy, normals)
     lamp = _lamp(cells, surface)

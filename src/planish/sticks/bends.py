@@ -114,9 +114,14 @@ def _greatest_bend(first, last, rows, shape, bends):  # type: ignore[no-untyped-
         s, t = tangents(row(rows, i))
         a, b = _product(shape, i, s), _product(shape, i, t)
         ss, st, tt = dot(a, s), dot(a, t), dot(b, t)
-        mean, half = 0.5 * (ss + tt), math.sqrt(0.25 * (ss - tt) ** 2 + st * st)
-        angle = 0.5 * math.atan2(2.0 * st, ss - tt) + (0.5 * math.pi if mean < 0.0 else 0.0)
-        bend = plus(times(math.cos(angle), s), math.sin(angle), t)
+        mean, half = 0.5 * (ss + tt), 0.5 * (ss - tt)
+        away = math.sqrt(half * half + st * st)
+        curvature = mean + away if mean >= 0.0 else mean - away
+        # (S - curvature) v = 0 has two rows; the one of greater size says better what v is.
+        u, v = (st, curvature - ss) if abs(curvature - ss) > abs(curvature - tt) else (curvature - tt, st)
+        length = math.sqrt(u * u + v * v)
+        u, v = (u / length, v / length) if length > 0.0 else (1.0, 0.0)
+        bend = plus(times(u, s), v, t)
         for k in range(3):
             bends[i, k] = bend[k]
-        bends[i, CURVATURE] = (mean + half if mean >= 0.0 else mean - half) / max(shape[i, 6], np.float32(1e-30))
+        bends[i, CURVATURE] = curvature / max(shape[i, 6], np.float32(1e-30))

@@ -9,7 +9,7 @@ from numba import njit
 
 from planish.crew import Crew
 from planish.sticks.bends import CURVATURE, Bends, turned
-from planish.sticks.normals import NOISE, PLACE, SAMPLE, Ring, Rows
+from planish.sticks.normals import AREA, NOISE, PLACE, SAMPLE, Ring, Rows
 from planish.sticks.vectors import dot, minus, row, square
 from planish.types import Floats, Ints
 
@@ -52,6 +52,11 @@ def find_sides(
     return source
 
 
+def to_sides(rows: Rows, source: Ints, out: Rows, run: Crew) -> None:
+    """Write down the planes that the points lie on, with the points' own areas and noise."""
+    run(_to_sides, len(rows), rows, source, out)
+
+
 def carry(points: Floats, rows: Rows, bends: Bends, source: Ints, run: Crew) -> Rows:
     """(n, 3) normals at the points, from the planes they lie on, followed along their bend."""
     out = np.empty((len(rows), 3), np.float32)
@@ -65,7 +70,7 @@ def _measure_spread(first, last, rows, ring, out):  # type: ignore[no-untyped-de
     steps = np.empty(64, np.float32)
     for i in range(first, last):
         count = min(ring.start[i + 1] - ring.start[i], len(steps))
-        for k in range(count):
+        for k in range(count):  # insertion sort: rings are short
             step, at = square(minus(row(rows, i), row(rows, ring.neighbour[ring.start[i] + k]))), k
             while at > 0 and steps[at - 1] > step:
                 steps[at] = steps[at - 1]
@@ -146,6 +151,13 @@ def _gather(i, ring, rings, near):  # type: ignore[no-untyped-def]
                 near[count] = j
                 count += 1
     return count
+
+
+@njit(cache=True, nogil=True)
+def _to_sides(first, last, rows, source, out):  # type: ignore[no-untyped-def]
+    for i in range(first, last):
+        out[i] = rows[source[i]]
+        out[i, AREA], out[i, NOISE] = rows[i, AREA], rows[i, NOISE]
 
 
 @njit(cache=True, nogil=True)

@@ -22,23 +22,29 @@ DOUBLINGS = 3
 
 STOP = 6.0
 
+FAR, QUARTER = np.float32(np.inf), np.float32(0.25)
 
-def average_along(rows: Rows, bends: Bends, ring: Ring, run: Crew) -> Rows:
+
+def average_along(rows: Rows, bends: Bends, ring: Ring, out: Rows, run: Crew) -> tuple[Rows, Rows]:
     """Average every normal with those of its mates, in rounds of twice the reach each.
 
     N_i <- unit(2 A_i N_i + sum over the two mates of w_ij N_j), w as in `diffuse`
+
+    Returns
+    -------
+    Rows, Rows
+        The averages, and a buffer that is free: one is `rows`, the other `out`.
     """
     mates, further = np.empty((len(rows), 2), np.int32), np.empty((len(rows), 2), np.int32)
     run(_walk, len(rows), rows, bends, ring, mates)
     for level in range(DOUBLINGS):
         if level:
-            run(_double, len(rows), rows, bends, ring, mates, further)
+            run(_double, len(rows), rows, bends, mates, further)
             mates, further = further, mates
-        out = np.empty_like(rows)
         scale = np.float32(1 / max(STOP**2 * _typical_step(rows, mates), 1e-10))
         run(_average, len(rows), rows, mates, scale, out)
-        rows = out
-    return rows
+        rows, out = out, rows
+    return rows, out
 
 
 def _typical_step(rows: Rows, mates: Mates) -> float:
@@ -50,7 +56,7 @@ def _typical_step(rows: Rows, mates: Mates) -> float:
 
 @njit(cache=True, nogil=True)
 def _ruling(rows, bends, i, side):  # type: ignore[no-untyped-def]
-    return times(1.0 - 2.0 * side, cross(row(rows, i), row(bends, i)))
+    return times(np.float32(1 - 2 * side), cross(row(rows, i), row(bends, i)))
 
 
 @njit(cache=True, nogil=True)
@@ -60,16 +66,16 @@ def _walk(first, last, rows, bends, ring, mates):  # type: ignore[no-untyped-def
         start = row(rows, i, PLACE)
         for side in range(2):
             ruling = _ruling(rows, bends, i, side)
-            here, gone = np.int32(i), 0.0
+            here, gone = np.int32(i), np.float32(0)
             for _ in range(HOPS):
-                best, choice, reached = np.inf, here, gone
+                best, choice, reached = FAR, here, gone
                 for q in range(ring.start[here], ring.start[here + 1]):
                     j = ring.neighbour[q]
                     step = minus(row(rows, j, PLACE), start)
                     along = dot(step, ruling)
                     off = square(step) - along * along
-                    cost = off - 0.25 * (along - gone) ** 2
-                    if along > gone and 2.0 * off < along * along and cost < best:
+                    cost = off - QUARTER * (along - gone) * (along - gone)
+                    if along > gone and off + off < along * along and cost < best:
                         best, choice, reached = cost, j, along
                 if choice == here:
                     break
@@ -78,26 +84,13 @@ def _walk(first, last, rows, bends, ring, mates):  # type: ignore[no-untyped-def
 
 
 @njit(cache=True, nogil=True)
-def _double(first, last, rows, bends, ring, mates, further):  # type: ignore[no-untyped-def]
-    """Go on from the mate to its mate, and from there to whichever neighbour is nearest to the line."""
+def _double(first, last, rows, bends, mates, further):  # type: ignore[no-untyped-def]
+    """Go on from the mate to that mate of its own which lies further along the ruling."""
     for i in range(first, last):
-        start = row(rows, i, PLACE)
         for side in range(2):
-            ruling = _ruling(rows, bends, i, side)
-            mate = mates[i, side]
-            there, other = mates[mate, 0], mates[mate, 1]
-            if dot(minus(row(rows, other, PLACE), row(rows, there, PLACE)), ruling) > 0.0:
-                there = other
-            gone = dot(minus(row(rows, mate, PLACE), start), ruling)
-            best, choice = np.inf, there
-            for q in range(ring.start[there] - 1, ring.start[there + 1]):
-                j = ring.neighbour[q] if q >= ring.start[there] else there
-                step = minus(row(rows, j, PLACE), start)
-                along = dot(step, ruling)
-                off = square(step) - along * along
-                if along >= gone and off < best:
-                    best, choice = off, j
-            further[i, side] = choice
+            one, other = mates[mates[i, side], 0], mates[mates[i, side], 1]
+            step = minus(row(rows, other, PLACE), row(rows, one, PLACE))
+            further[i, side] = other if dot(step, _ruling(rows, bends, i, side)) > 0 else one
 
 
 @njit(cache=True, nogil=True)

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from planish.crew import Crew, crew
 from planish.mesh import Topology, neighbours
 from planish.sticks.bends import CURVATURE, Bends, find_bends
-from planish.sticks.creases import carry, find_sides
-from planish.sticks.noise import FROM_MEAN, angle_defects, around, ring_noise, surface_noise
-from planish.sticks.normals import AREA, NOISE, Ring, Rows, diffuse, surface_rows, typical_step
+from planish.sticks.creases import carry, find_sides, to_sides
+from planish.sticks.noise import FROM_MEAN, angle_defects, around, ring_noise, surface_noise, typical
+from planish.sticks.normals import NOISE, Ring, Rows, diffuse, surface_rows, typical_step
 from planish.sticks.quadric import points_at_folds, refit
 from planish.sticks.rulings import average_along
 from planish.sticks.strain import distances
@@ -28,7 +28,7 @@ BUCKLED = 0.003
 points, regular and random meshes); 0.03 mm of noise alike over 3 pixels reads 0.003 and makes the sheet 0.01 % too
 large, white noise of this size 0.001 %."""
 
-ROUNDS_PER_NOISE, FEWEST, MOST = 90, 8, 24
+ROUNDS_PER_NOISE, FEWEST, MOST = 75, 8, 24
 """Rounds of smoothing for noise of one spacing. Fewer than 8 leave 0.02 % of 0.07 mm that is alike over one pixel,
 and more than 24 gain less than a hundredth of what the noise itself does at 0.2 mm."""
 
@@ -161,7 +161,7 @@ def smooth_lengths(points: Floats, faces: Ints, topology: Topology) -> SmoothLen
         scan = _look_at(points, faces, topology, raw, run)
         raw_defects = angle_defects(raw, faces, topology, len(points), run)
         buckling = math.sqrt(float(np.quantile(raw_defects, 0.25))) if len(raw_defects) else 0.0
-        wanted = _look_for_noise(scan) if buckling > BUCKLED else 0
+        wanted = _look_for_noise(scan, run) if buckling > BUCKLED else 0
         for rounds in dict.fromkeys((wanted, 0)):
             surface = _find_surface(scan, rounds, run)
             rest = np.empty(len(raw))
@@ -171,9 +171,9 @@ def smooth_lengths(points: Floats, faces: Ints, topology: Topology) -> SmoothLen
                 break
         else:
             return _without_noise(raw, surface, scan, buckling, Smoothing.REFUSED)
-    if not rounds:
-        return _without_noise(rest, surface, scan, buckling, Smoothing.CLEAN)
-    noise = FROM_MEAN * around(scan.points, surface.off, scan.spacing)
+        if not rounds:
+            return _without_noise(rest, surface, scan, buckling, Smoothing.CLEAN)
+        noise = FROM_MEAN * around(scan.points, surface.off, scan.spacing, run)
     return SmoothLengths(rest, surface.normals, noise, float(np.median(noise)), Smoothing.SMOOTHED)
 
 
@@ -183,7 +183,8 @@ def smooth_normals(mesh: Mesh, topology: Topology) -> NDArray[np.float32]:
 
 
 def _look_at(points: Floats, faces: Ints, topology: Topology, raw: Floats, run: Crew) -> _Scan:
-    centred = points - points.mean(axis=0) if len(points) else points  # float32 holds 300 mm to 0.03 micrometres
+    middle = [points[:, k].mean() for k in range(3)] if len(points) else [0.0] * 3
+    centred = points - middle  # float32 holds 300 mm to 0.03 micrometres
     ring = Ring(*neighbours(topology.edges, len(points)))
     rows = surface_rows(centred, faces)
     spacing = float(np.median(raw)) if len(raw) else 0.0
@@ -191,9 +192,9 @@ def _look_at(points: Floats, faces: Ints, topology: Topology, raw: Floats, run: 
     return _Scan(centred, topology.edges, ring, rows, spacing, mean_square, ring_noise(centred, rows, ring, run))
 
 
-def _look_for_noise(scan: _Scan) -> int:
+def _look_for_noise(scan: _Scan, run: Crew) -> int:
     """Note where there is more and less noise, and say how many rounds of smoothing it asks for."""
-    noise = around(scan.points, scan.ring_noise, scan.spacing)
+    noise = FROM_MEAN * around(scan.points, scan.ring_noise, scan.spacing, run)
     scan.rows[:, NOISE] = np.maximum((noise / np.median(noise)) ** 2, LEAST_NOISE)
     return int(np.clip(ROUNDS_PER_NOISE * np.quantile(noise, NOISIEST) / scan.spacing, FEWEST, MOST))
 
@@ -202,39 +203,31 @@ def _without_noise(
     rest: Floats, surface: _Surface, scan: _Scan, buckling: float, smoothing: Smoothing
 ) -> SmoothLengths:
     """Noise is at most what both rings and angles show: folds stand out of rings, but do not buckle."""
-    noise = min(_typical(scan.ring_noise), buckling * scan.spacing)
+    noise = min(typical(scan.ring_noise), buckling * scan.spacing)
     return SmoothLengths(rest, surface.normals, np.full(len(scan.points), noise), noise, smoothing)
-
-
-def _typical(noise: Floats) -> float:
-    known = noise[np.isfinite(noise)]
-    return float(np.median(known)) if len(known) else 0.0
 
 
 def _find_surface(scan: _Scan, rounds: int, run: Crew) -> _Surface:
     points, rows, ring, edges = scan.points, scan.rows, scan.ring, scan.edges
-    noise = _typical(scan.ring_noise)
     flat = np.zeros((len(rows), 4), np.float32)
+    rows, spare = rows.copy(), np.empty_like(rows)
     for k in range(max(rounds, 1)):
         if k == int(MIDWAY * rounds):
-            rows = _on_sides(rows, find_sides(points, rows, flat, ring, 1, noise, scan.spacing, run))
+            noise = typical(surface_noise(points, rows, flat, 0.0, run))
+            to_sides(rows, find_sides(points, rows, flat, ring, 1, noise, scan.spacing, run), spare, run)
+            rows, spare = spare, rows
         if rounds:
-            rows = diffuse(rows, ring, (REACH if k else FIRST_REACH) * typical_step(rows, edges), run)
+            diffuse(rows, ring, (REACH if k else FIRST_REACH) * typical_step(rows, edges), spare, run)
+            rows, spare = spare, rows
     bends = find_bends(rows, ring, ACROSS**2 * typical_step(rows, edges), BENDS_SMOOTHED, run)
     if rounds:
-        rows = average_along(rows, bends, ring, run)
-    source = find_sides(points, rows, bends, ring, 2, noise, scan.spacing, run)
+        rows, spare = average_along(rows, bends, ring, spare, run)
     patch = rounds * 3 / 7 * scan.mean_square_edge  # a point and six neighbours, of equal weights, seen from one side
-    off = surface_noise(points, rows, bends, source, patch, run)
+    off = surface_noise(points, rows, bends, patch, run)
+    noise = typical(off)
+    source = find_sides(points, rows, bends, ring, 2, noise, scan.spacing, run)
     normals = carry(points, rows, bends, source, run)
     return _Surface(refit(points, normals, ring, points_at_folds(normals, ring, run), noise, run), bends[source], off)
-
-
-def _on_sides(rows: Rows, source: Ints) -> Rows:
-    """Normals and places of the planes that points lie on, with the points' own areas."""
-    out = rows[source]
-    out[:, AREA] = rows[:, AREA]
-    return out
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
