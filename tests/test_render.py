@@ -177,7 +177,7 @@ def test_sharpness_at_equal_resolution(turn_deg):
     near_middle = slice(20, 140)
     before = mtf50(light[near_middle, near_middle], slope)
     column = np.interp(0.5, found[80, 60:100], np.arange(60, 100)) - 20
-    after = mtf50(found[near_middle, near_middle], turned_slope, column + turned_slope * (60 - 60))
+    after = mtf50(found[near_middle, near_middle], turned_slope, column)
     assert after > 0.9 * before
 
 
@@ -334,3 +334,15 @@ def test_resolution_of_a_squeezed_photo():
     assert drawn.resolution.median_ppi == pytest.approx(4 * INCH)
     assert drawn.resolution.low_ppi == pytest.approx(4 * INCH)
     assert drawn.page.dpi == 100
+
+
+def test_lens_distortion():
+    """OpenCV's first radial term: a place at r from the middle [focal lengths] moves out by k1 r^3."""
+    points = np.array([[30.0, 40, 0], [-50, 0, 0], [0, 0, 0]])
+    camera = Camera(
+        np.array([[500.0, 0, 320], [0, 500, 240], [0, 0, 1]]), np.eye(3), np.array([0, 0, 100.0]), (480, 640)
+    )
+    bent = replace(camera, distortion=np.array([0.1, 0, 0, 0, 0]))
+    expected = points[:, :2] / 100 * 500 * (1 + 0.1 * 0.25 * np.array([[1], [1], [0]])) + [320, 240]
+    np.testing.assert_allclose(project(bent, points), expected, atol=1e-9)
+    np.testing.assert_allclose(project(camera, points), points[:, :2] * 5 + [320, 240], atol=1e-9)

@@ -157,8 +157,10 @@ def test_ink_becomes_black_and_faint_print_does_not(sheet, shape):
 
 
 def test_clipped_pixels_are_marked_and_not_believed(sheet, shape):
-    page = photographed(text(shape)[0], exposure=1.4)
+    paper, blank = text(shape)
+    page = photographed(paper, exposure=1.4)
     made = unshade(page, *sheet)
+    assert (np.asarray(made.page.pixels)[blank] == 255).mean() > 0.99
     full = (np.asarray(page.pixels) == 255).any(axis=2)
     assert 0.1 < full.mean() < 0.9
     assert (made.clipped == full).all()

@@ -31,6 +31,7 @@ class Solved(NamedTuple):
 
     xy: Floats
     outcome: Outcome
+    iterations: int
     residuals: Floats
     heights: Floats
     passed_points: int
@@ -87,7 +88,7 @@ def flatten(
         method=s.method,
         lengths=lengths,
         solved_points=len(sheet.points),
-        iterations=len(solved.residuals),
+        iterations=solved.iterations,
         residuals=solved.residuals,
         heights=solved.heights,
         strain=strain(solved.xy, sticks.pairs[: sticks.edges], sticks.rest[: sticks.edges]),
@@ -105,7 +106,7 @@ def _by_multigrid(
     mesh: Mesh, topo: Topology, sticks: Sticks, settings: FlattenSettings, progress: Progress | None
 ) -> Solved:
     done = relax(mesh, topo, sticks, settings.multigrid, progress)
-    return Solved(done.xy, done.outcome, done.residuals, np.zeros(0), 0, done.warnings)
+    return Solved(done.xy, done.outcome, done.iterations, done.residuals, np.zeros(0), 0, done.warnings)
 
 
 def _by_verlet(
@@ -118,7 +119,15 @@ def _by_verlet(
         f"{passed:,} points went through another layer of the sheet while it fell, so the page may be folded over "
         "itself; --verlet.self-collision keeps layers apart"
     )
-    return Solved(done.points[:, :2], done.outcome, done.residuals, done.heights, passed, (through,) if passed else ())
+    return Solved(
+        done.points[:, :2],
+        done.outcome,
+        len(done.residuals),
+        done.residuals,
+        done.heights,
+        passed,
+        (through,) if passed else (),
+    )
 
 
 def _points_to_solve(settings: FlattenSettings, available: int) -> int:

@@ -103,11 +103,11 @@ def relax(
         if count > 1:
             xy = lay_apart(xy, piece, count, APART * side)
         xy, outcome, residuals = _bring_to_rest(xy, sticks, s, side, run, lambda share: tell(0.3 + 0.65 * share))
-    xy, flipped = untangle(xy, mesh.faces, topology, rest)
     xy = as_seen(mesh.points, mesh.faces, xy, piece, count)
     warnings: list[str] = []
     if count > 1:
         xy, warnings = _place(mesh, topology, xy, piece, count, edge, side)
+    xy, flipped = untangle(xy, mesh.faces, topology, rest)  # last, as even a turn can flip a face without area
     if flipped:
         warnings.append(_FLIPPED.format(flipped))
     if outcome is Outcome.SETTLED and residuals[-1] > CRUSHED:

@@ -118,7 +118,10 @@ def _divide(source, known, gain, side, light, codes, pixels, clipped):  # type: 
             for c in range(channels):
                 above = gain[i, j, c] + u * (gain[i, right, c] - gain[i, j, c])
                 under = gain[below, j, c] + u * (gain[below, right, c] - gain[below, j, c])
-                value = light[source[r, q, c]] * (above + v * (under - above))
+                shine, factor = light[source[r, q, c]], above + v * (under - above)
+                if factor < 1:  # paper shone brighter here than the photo can tell: what is clipped stays white
+                    factor += (1 - factor) * shine**3
+                value = shine * factor
                 full |= source[r, q, c] == top
                 pixels[r, q, c] = codes[int(min(value, np.float32(1.0)) * 65535 + 0.5)] if known[r, q] else codes[65535]
             clipped[r, q] = full

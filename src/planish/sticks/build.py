@@ -9,10 +9,11 @@ from planish.mesh import Topology
 from planish.settings import Lengths
 from planish.sticks.smooth import smooth_lengths
 from planish.sticks.strain import distances
+from planish.sticks.trust import bending_weights
 from planish.types import Floats, Ints, Mesh, Sticks
 
 
-def make_sticks(mesh: Mesh, topology: Topology, lengths: Lengths = "smooth") -> Sticks:
+def make_sticks(mesh: Mesh, topology: Topology, lengths: Lengths = "smooth", *, eye: Floats | None = None) -> Sticks:
     """Turn a mesh into sticks of fixed length (eq. 1).
 
     Parameters
@@ -25,6 +26,8 @@ def make_sticks(mesh: Mesh, topology: Topology, lengths: Lengths = "smooth") -> 
         `smooth_lengths`). The others take them as they stand in space. Bending sticks are as long as the distance of
         their corners once the two triangles are laid into one plane (smooth, unfolded), or as they stand in space
         (straight, the paper's choice): at a fold that is shorter than over the sheet, and pulls the fold together.
+    eye : (3,) float64 [mm], optional
+        For smooth lengths: where the scanner's rays come from (see `smooth_lengths`).
 
     Examples
     --------
@@ -38,18 +41,20 @@ def make_sticks(mesh: Mesh, topology: Topology, lengths: Lengths = "smooth") -> 
     1.414
     2.0
     """
-    smoothed = smooth_lengths(mesh.points, mesh.faces, topology) if lengths == "smooth" else None
+    smoothed = smooth_lengths(mesh.points, mesh.faces, topology, eye=eye) if lengths == "smooth" else None
     edge_rest = distances(mesh.points, topology.edges) if smoothed is None else smoothed.rest
     corners, edge = bending_pairs(mesh.faces, topology)
     if lengths == "straight":
         bend_rest = distances(mesh.points, corners)
     else:
         bend_rest = unfolded_distance(edge_rest, edge, mesh.faces, topology)
-    rest = np.concatenate([edge_rest, bend_rest])
+    rest, weight = np.concatenate([edge_rest, bend_rest]), np.ones(len(edge_rest) + len(bend_rest))
+    if smoothed is not None:
+        weight[len(edge_rest) :] = bending_weights(edge_rest, edge, topology, smoothed.noise_mm)
     return Sticks(
         pairs=np.concatenate([topology.edges, corners]),
         rest=rest,
-        weight=np.ones(len(rest)),
+        weight=weight,
         edges=len(edge_rest),
         noise_mm=None if smoothed is None else smoothed.noise_mm,
     )

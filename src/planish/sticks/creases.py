@@ -18,7 +18,7 @@ LEAST_SPREAD = 0.002
 ODD = 9.0
 CALM = 6.0
 SAME_PLANE = math.cos(math.radians(6.0))
-NEAR = 48
+NEAR, LONGEST = 48, 64
 BLUR = 1e-4
 FARTHEST = 0.05
 
@@ -41,14 +41,12 @@ def find_sides(
     -------
     (n,) int32
     """
-    spread = np.empty(len(rows), np.float32)
-    run(_measure_spread, len(rows), rows, ring, spread)
-    some = spread[:: max(1, len(rows) // SAMPLE)]
-    typical = max(float(np.median(some)), 1e-12) if len(some) else 1.0
+    some = np.arange(0, len(rows), max(1, len(rows) // SAMPLE))
+    typical = max(float(np.median(_spreads(some, rows, ring))), 1e-12) if len(some) else 1.0
     farthest = 3.0 * noise + FARTHEST * spacing
     blur = 2.0 * noise**2 + BLUR * spacing**2 + 1e-30
     source = np.empty(len(rows), np.int32)
-    run(_choose, len(rows), points, rows, bends, ring, rings, spread, typical, blur, farthest, source)
+    run(_choose, len(rows), points, rows, bends, ring, rings, typical, blur, farthest, source)
     return source
 
 
@@ -65,38 +63,58 @@ def carry(points: Floats, rows: Rows, bends: Bends, source: Ints, run: Crew) -> 
 
 
 @njit(cache=True, nogil=True)
-def _measure_spread(first, last, rows, ring, out):  # type: ignore[no-untyped-def]
-    """|N_i - N_j|^2 over the local noise, at PLACE_IN_RING of the ring in ascending order."""
-    steps = np.empty(64, np.float32)
-    for i in range(first, last):
-        count = min(ring.start[i + 1] - ring.start[i], len(steps))
-        for k in range(count):  # insertion sort: rings are short
-            step, at = square(minus(row(rows, i), row(rows, ring.neighbour[ring.start[i] + k]))), k
-            while at > 0 and steps[at - 1] > step:
-                steps[at] = steps[at - 1]
-                at -= 1
-            steps[at] = step
-        out[i] = steps[min(int(PLACE_IN_RING * count), count - 1)] / rows[i, NOISE] if count > 0 else 0.0
+def _spreads(some, rows, ring):  # type: ignore[no-untyped-def]
+    out, steps = np.empty(len(some)), np.empty(LONGEST, np.float32)
+    for k in range(len(some)):
+        out[k] = _spread(some[k], rows, ring, steps)
+    return out
 
 
 @njit(cache=True, nogil=True)
-def _choose(first, last, points, rows, bends, ring, rings, spread, typical, blur, farthest, source):  # type: ignore[no-untyped-def]
-    near, cost = np.empty(NEAR, np.int32), np.empty(NEAR)
+def _spread(i, rows, ring, steps):  # type: ignore[no-untyped-def]
+    """|N_i - N_j|^2 over the local noise, at PLACE_IN_RING of the ring in ascending order."""
+    count = min(ring.start[i + 1] - ring.start[i], len(steps))
+    if count == 0:
+        return 0.0
+    for k in range(count):  # insertion sort: rings are short
+        step, at = square(minus(row(rows, i), row(rows, ring.neighbour[ring.start[i] + k]))), k
+        while at > 0 and steps[at - 1] > step:
+            steps[at] = steps[at - 1]
+            at -= 1
+        steps[at] = step
+    return steps[int(PLACE_IN_RING * count)] / rows[i, NOISE]
+
+
+@njit(cache=True, nogil=True)
+def _is_calm(i, rows, ring, limit):  # type: ignore[no-untyped-def]
+    """Whether the spread is below a limit, which takes no sorting."""
+    count, far = ring.start[i + 1] - ring.start[i], 0
+    for q in range(ring.start[i], ring.start[i + 1]):
+        if square(minus(row(rows, i), row(rows, ring.neighbour[q]))) > limit * rows[i, NOISE]:
+            far += 1
+    return far < max(count - int(PLACE_IN_RING * count), 1)
+
+
+@njit(cache=True, nogil=True)
+def _choose(first, last, points, rows, bends, ring, rings, typical, blur, farthest, source):  # type: ignore[no-untyped-def]
+    near, cost, steps = np.empty(NEAR, np.int32), np.empty(NEAR), np.empty(LONGEST, np.float32)
+    limit = max(ODD * typical, LEAST_SPREAD)
     for i in range(first, last):
         source[i] = i
-        if spread[i] <= max(ODD * typical, LEAST_SPREAD):
+        if _is_calm(i, rows, ring, limit):
             continue
+        spread = _spread(i, rows, ring, steps)
         count = _gather(i, ring, rings, near)
         a = -1
         for q in range(count):
             j = near[q]
             cost[q] = np.inf
-            height = height_over(points, i, rows, bends, j)
-            if spread[j] < spread[i] / CALM and abs(height) < farthest:
-                cost[q] = 3.0 * math.log(1.0 + spread[j] / typical) + height * height / blur
+            height, calm = height_over(points, i, rows, bends, j), _spread(j, rows, ring, steps)
+            if calm < spread / CALM and abs(height) < farthest:
+                cost[q] = 3.0 * math.log(1.0 + calm / typical) + height * height / blur
                 if a < 0 or cost[q] < cost[a]:
                     a = q
-        if a < 0 or 3.0 * math.log(1.0 + spread[i] / typical) < cost[a]:
+        if a < 0 or 3.0 * math.log(1.0 + spread / typical) < cost[a]:
             continue
         b = -1
         for q in range(count):

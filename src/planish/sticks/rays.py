@@ -19,7 +19,7 @@ SAME_SIDE = 1 - math.cos(math.radians(12.0))
 """Neighbours whose normals differ by more than 12 degrees lie across a crease and say nothing."""
 
 OWN, BREATH = 0.15, 0.3
-"""Share of its last value that a height keeps, and weight with which it is held at nought, both against overshooting."""
+"""Share of its last value that a height keeps, and weight that holds it at nought, both against overshooting."""
 
 GRAZING = 0.15
 """Rays that meet the surface at less than 8.6 degrees are not followed: the shift would be many times the noise."""
