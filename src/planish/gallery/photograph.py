@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 from numpy.typing import NDArray
 
+from planish.crew import crew
 from planish.gallery.light import Light, irradiance, visibility
 from planish.gallery.sheets import Sheet, normals
 from planish.gallery.sight import FineMesh, facing, interpolated, page_per_pixel, pixels_of, project, put_right
@@ -78,7 +79,10 @@ def photograph(
     photo = np.empty((*camera.shape_rc, 3), np.uint8)
     for top in range(0, len(photo), BAND):
         bottom = min(top + BAND, len(photo))
-        linear = _expose(top, bottom, face, places, bright, front, slopes, print_, reflect, page.dpi / 25.4, size)
+        linear = np.zeros((bottom - top, face.shape[1], 3), np.float32)
+        scene = face, places, bright, front, slopes, print_, reflect, page.dpi / 25.4, size
+        with crew() as run:
+            run(_expose, bottom - top, top, *scene, linear, block=64)
         levels = 255 * np.clip(linear, 0, 1) ** np.float32(1 / light.gamma)
         levels += np.float32(grain) * rng.standard_normal(levels.shape, np.float32)
         photo[top:bottom] = np.clip(np.rint(levels), 0, 255)
@@ -142,12 +146,11 @@ def _table(camera: Camera, first: int) -> tuple[Floats, Ints]:
     return grid, np.concatenate([np.stack([a, b, c], axis=1), np.stack([c, b, d], axis=1)])
 
 
-@njit(parallel=True, cache=True)
-def _expose(top, bottom, face, places, bright, front, slopes, print_, reflect, density, size):  # type: ignore[no-untyped-def]
-    """Linear light that rows top to bottom of the photo receive."""
+@njit(cache=True, nogil=True)
+def _expose(begin, end, top, face, places, bright, front, slopes, print_, reflect, density, size, linear):  # type: ignore[no-untyped-def]
+    """Fill in the linear light (rows, cols, 3) that the photo receives from its row `top` on."""
     cols = face.shape[1]
-    linear = np.zeros((bottom - top, cols, 3), np.float32)
-    for r in prange(top, bottom):
+    for r in range(top + begin, top + end):
         sample = np.empty(3)
         for q in range(cols):
             if face[r, q] < 0:
@@ -164,7 +167,6 @@ def _expose(top, bottom, face, places, bright, front, slopes, print_, reflect, d
                 sample[:] = TABLE
             for k in range(3):
                 linear[r - top, q, k] = bright[r, q] * sample[k]
-    return linear
 
 
 @njit(cache=True)

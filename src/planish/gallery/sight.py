@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 from numpy.typing import NDArray
 
+from planish.crew import crew
 from planish.gallery.sheets import Sheet
 from planish.mesh import depths, rasterise
 from planish.mesh import project as at_pixels
@@ -163,13 +164,18 @@ def page_per_pixel(pixel_xy: Floats, page_xy: Floats, faces: Ints) -> Floats:
     return slope
 
 
-@njit(parallel=True, cache=True)
-def interpolated(face, weights, faces, values):  # type: ignore[no-untyped-def]
+def interpolated(face: Ints, weights: NDArray[np.float32], faces: Ints, values: Floats) -> Floats:
     """Carry values (n, d) at the points of a mesh to pixels: (rows, cols, d), NaN where none of `faces` is seen."""
-    rows, cols = face.shape
-    result = np.full((rows, cols, values.shape[1]), np.nan)
-    for r in prange(rows):
-        for q in range(cols):
+    result = np.full((*face.shape, values.shape[1]), np.nan)
+    with crew() as run:
+        run(_interpolate, len(face), face, weights, faces, values, result, block=64)
+    return result
+
+
+@njit(cache=True, nogil=True)
+def _interpolate(begin, end, face, weights, faces, values, result):  # type: ignore[no-untyped-def]
+    for r in range(begin, end):
+        for q in range(face.shape[1]):
             f = face[r, q]
             if 0 <= f < len(faces):
                 a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
@@ -177,4 +183,3 @@ def interpolated(face, weights, faces, values):  # type: ignore[no-untyped-def]
                     base = values[a, k]
                     ascent = weights[r, q, 0] * (values[b, k] - base) + weights[r, q, 1] * (values[c, k] - base)
                     result[r, q, k] = base + ascent
-    return result

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
+from planish.crew import crew
 from planish.types import Floats, Ints
 
+BLOCK = 1024
+"""Points or faces that a thread takes at a time."""
 PULL = 1e-6
 PULL_CUBIC = 1e-3
 """Of a fit's terms to zero, against neighbours at weight 1 or more; of its cubic terms more, so that where neighbours
@@ -45,9 +48,14 @@ def refine(page_xy: Floats, values: Floats, faces: Ints, pieces: int) -> tuple[F
     >>> bool(np.allclose(squared[:, 0], fine[:, 0] ** 2, atol=1e-3))
     True
     """
-    cubics = _cubics(page_xy, values, *_rings(faces, len(page_xy)))
+    cubics = np.zeros((len(page_xy), 9, values.shape[1]))
+    with crew() as run:
+        run(_cubics, len(page_xy), page_xy, values, *_rings(faces, len(page_xy)), cubics, block=BLOCK)
     weights, small = _grid_of(pieces)
-    fine, carried = _blend(page_xy, values, cubics, faces, weights)
+    fine = np.empty((len(faces), len(weights), 2))
+    carried = np.zeros((len(faces), len(weights), values.shape[1]))
+    with crew() as run:
+        run(_blend, len(faces), page_xy, values, cubics, faces, weights, fine, carried, block=BLOCK)
     first = np.arange(len(faces), dtype=np.int32) * len(weights)
     fine_faces = (first[:, None, None] + small[None]).reshape(-1, 3)
     return fine.reshape(-1, 2), carried.reshape(-1, values.shape[1]), fine_faces.astype(np.int32)
@@ -76,15 +84,14 @@ def _rings(faces: Ints, count: int) -> tuple[Ints, Ints]:
     return two.indptr.astype(np.int32), two.indices.astype(np.int32)
 
 
-@njit(cache=True, parallel=True)
-def _cubics(page, values, start, ring):  # type: ignore[no-untyped-def]
-    """(n, 9, d): factors of the terms of `_terms`; neighbours weigh 1 / distance^2.
+@njit(cache=True, nogil=True)
+def _cubics(begin, end, page, values, start, ring, found):  # type: ignore[no-untyped-def]
+    """Fill in (n, 9, d), factors of the terms of `_terms`; neighbours weigh 1 / distance^2.
 
     A plane is fitted first and the cubic to what it leaves, so that a flat map stays flat where neighbours are few.
     """
     d = values.shape[1]
-    found = np.zeros((len(page), 9, d))
-    for i in prange(len(page)):
+    for i in range(begin, end):
         near = ring[start[i] : start[i + 1]]
         reach = 0.0
         for j in near:
@@ -104,7 +111,6 @@ def _cubics(page, values, start, ring):  # type: ignore[no-untyped-def]
         _terms(1 / reach, 1 / reach, term)
         for r in range(9):
             found[i, r] *= term[r]
-    return found
 
 
 @njit(cache=True)
@@ -133,11 +139,10 @@ def _fitted(terms, values, count):  # type: ignore[no-untyped-def]
     return np.linalg.solve(left, right)
 
 
-@njit(cache=True, parallel=True)
-def _blend(page, values, cubics, faces, weights):  # type: ignore[no-untyped-def]
+@njit(cache=True, nogil=True)
+def _blend(begin, end, page, values, cubics, faces, weights, fine, carried):  # type: ignore[no-untyped-def]
     k, d = len(weights), values.shape[1]
-    fine, carried = np.empty((len(faces), k, 2)), np.zeros((len(faces), k, d))
-    for f in prange(len(faces)):
+    for f in range(begin, end):
         terms = np.empty(9)
         for p in range(k):
             w = weights[p]
@@ -152,4 +157,3 @@ def _blend(page, values, cubics, faces, weights):  # type: ignore[no-untyped-def
                     for r in range(9):
                         bend += cubics[i, r, s] * terms[r]
                     carried[f, p, s] += b * (values[i, s] + bend)
-    return fine, carried

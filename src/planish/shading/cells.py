@@ -6,9 +6,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 from numpy.typing import NDArray
 
+from planish.crew import crew
 from planish.mesh import LUMINANCE, linear_light
 from planish.types import Bools, Page
 
@@ -71,14 +72,18 @@ def cut(page: Page) -> Cells:
     share, clipped = np.zeros((2, rows, cols), np.float32)
     known = np.zeros((rows, cols), bool)
     step = max(1, int(np.ceil(side / AT_MOST**0.5)))
-    _measure(pixels, page.known, linear_light(np.iinfo(pixels.dtype).max + 1), side, step, light, share, clipped, known)
+    linear = linear_light(np.iinfo(pixels.dtype).max + 1)
+    with crew() as run:
+        run(_measure, rows, pixels, page.known, linear, side, step, light, share, clipped, known, block=16)
     return Cells(side, side * 25.4 / page.dpi, light, share, clipped, known)
 
 
-@njit(parallel=True, cache=True)
-def _measure(pixels, page_known, linear, side, step, light, share, clipped, known):  # type: ignore[no-untyped-def]
+@njit(cache=True, nogil=True)
+def _measure(  # type: ignore[no-untyped-def]
+    begin, end, pixels, page_known, linear, side, step, light, share, clipped, known
+):
     last, top = pixels.shape[2] - 1, len(linear) - 1
-    for i in prange(light.shape[0]):
+    for i in range(begin, end):
         found, sorted_ = np.empty((AT_MOST, 4), np.float32), np.empty(AT_MOST, np.float32)
         for j in range(light.shape[1]):
             n, seen, full = 0, 0, 0

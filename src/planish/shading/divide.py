@@ -5,13 +5,16 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 from numpy.typing import NDArray
 
+from planish.crew import crew
 from planish.mesh import LUMINANCE, code_values, linear_light
 from planish.shading.cells import Field
 from planish.types import Bools, Floats, Page, Pixels
 
+ROWS = 64
+"""Page rows that a thread takes at a time."""
 WHITE = 0.94
 """Light, against the paper's, that becomes white: the paper's own grain is just clipped."""
 KNEE = 0.7
@@ -54,16 +57,19 @@ def divided(page: Page, gain: Field, side: int) -> tuple[Pixels, Bools]:
     black = _black(source.reshape(flat), page.known, gain, side, light, page.dpi)
     tone = _toned(np.linspace(0, 1, 65536), black)
     codes = code_values(source.dtype)[np.rint(65535 * tone).astype(int)]
-    _divide(
-        source.reshape(flat), page.known, np.ascontiguousarray(gain), side, light, codes, pixels.reshape(flat), clipped
-    )
+    gain = np.ascontiguousarray(gain)
+    with crew() as run:
+        made = pixels.reshape(flat), clipped
+        run(_divide, len(source), source.reshape(flat), page.known, gain, side, light, codes, *made, block=ROWS)
     return pixels, clipped
 
 
 def _black(source: NDArray[Any], known: Bools, gain: Field, side: int, light: Field, dpi: float) -> float:
     """Light that the black ink sends back, or 0 where there is no black print."""
     spot = max(1, round(SPOT_MM * dpi / 25.4))
-    grey = _spots(source, known, gain, side, light, spot)
+    grey = np.ones((source.shape[0] // spot, source.shape[1] // spot), np.float32)
+    with crew() as run:
+        run(_spots, len(grey), source, known, gain, side, light, spot, grey, block=ROWS)
     ink = grey[grey < DARK]
     if len(ink) <= INKED * grey.size:
         return 0.0
@@ -71,12 +77,11 @@ def _black(source: NDArray[Any], known: Bools, gain: Field, side: int, light: Fi
     return INK * black if black < BLACKEST else 0.0
 
 
-@njit(parallel=True, cache=True)
-def _spots(source, known, gain, side, light, spot):  # type: ignore[no-untyped-def]
-    """Mean luminance of squares of pixels, evenly lit; 1 where one of them is not known."""
+@njit(cache=True, nogil=True)
+def _spots(begin, end, source, known, gain, side, light, spot, grey):  # type: ignore[no-untyped-def]
+    """Mean luminance of squares of pixels, evenly lit; left as it is where one of them is not known."""
     last = source.shape[2] - 1
-    grey = np.ones((source.shape[0] // spot, source.shape[1] // spot), np.float32)
-    for i in prange(grey.shape[0]):
+    for i in range(begin, end):
         for j in range(grey.shape[1]):
             r, q = i * spot, j * spot
             total, whole = np.float32(0), True
@@ -89,7 +94,6 @@ def _spots(source, known, gain, side, light, spot):  # type: ignore[no-untyped-d
                     total += LUMINANCE[2] * light[source[y, x, last]] * factor[last]
             if whole:
                 grey[i, j] = total / (spot * spot)
-    return grey
 
 
 def _toned(light: Floats, black: float) -> Floats:
@@ -98,13 +102,13 @@ def _toned(light: Floats, black: float) -> Floats:
     return np.minimum(np.where(light < KNEE, light, KNEE + (light - KNEE) * (1 - KNEE) / (WHITE - KNEE)), 1)
 
 
-@njit(parallel=True, cache=True)
-def _divide(source, known, gain, side, light, codes, pixels, clipped):  # type: ignore[no-untyped-def]
+@njit(cache=True, nogil=True)
+def _divide(begin, end, source, known, gain, side, light, codes, pixels, clipped):  # type: ignore[no-untyped-def]
     """Per pixel: codes[light[source] * gain], the gain bilinear between the middles of the cells."""
     rows, cols = gain.shape[:2]
     channels = source.shape[2]
     half, top = 0.5 * (side - 1), len(light) - 1
-    for r in prange(source.shape[0]):
+    for r in range(begin, end):
         y = min(max((r - half) / side, 0.0), rows - 1.0)
         i = min(int(y), max(rows - 2, 0))
         below = min(i + 1, rows - 1)

@@ -29,6 +29,12 @@ BUCKLED = 0.003
 points, regular and random meshes); 0.03 mm of noise alike over 3 pixels reads 0.003 and makes the sheet 0.01 % too
 large, white noise of this size 0.001 %."""
 
+BENT, MOSTLY_NOISE = 3.4, 0.5
+"""The buckling must also make up for enough of what normals of neighbours differ by: for the more, the more they
+do. Its square over theirs is 0.9 to 2.8 for white noise, 0.2 to 0.4 if alike over one pixel, 0.09 to 0.2 over three;
+up to 0.07 on clean random meshes, 0.09 to 0.16 on real ones with 2 to 3 degrees between points (handheld_sheet), which
+smoothing harms. The limit is BENT times the difference in radians, at most MOSTLY_NOISE."""
+
 ROUNDS_PER_NOISE, FEWEST, MOST = 60, 6, 24
 """Rounds of smoothing for noise of one spacing. Fewer than 8 leave 0.02 % of 0.07 mm that is alike over one pixel,
 and more than 24 gain less than a hundredth of what the noise itself does at 0.2 mm."""
@@ -58,10 +64,11 @@ GAUSS = (1 - 1 / math.sqrt(3)) / 2
 BEND, POLYGON = math.radians(20), math.radians(30)
 """An edge along which the sheet bends by more is no chord of an arc but the side of a polygon."""
 
-WORSE, NOISE_SLACK, CLEAN_SLACK = 1.2, 1e-3, 5e-5
-"""Lengths are refused if by them the sheet would buckle (mean angle defect) by more than so many times what it does
-raw, and something. Truly smoothed ones buckle half to a hundredth as much; those of a mesh whose points sit on its
-folds, ten to a thousand times as much."""
+WORSE, NOISY_SLACK, CLEAN_SLACK, BENT_SLACK = 1.2, 1e-3, 5e-5, 0.01
+"""Lengths are refused if by them the sheet would buckle (mean angle defect [rad]) by more than so many times what it
+does raw, and a little: NOISY_SLACK after smoothing, else CLEAN_SLACK and BENT_SLACK times the typical squared
+difference of neighbouring normals. Right ones buckle half to a hundredth as much as raw ones; those of a coarse mesh
+whose points sit on its folds 40,000 times as much (crumpled_developable)."""
 
 
 class Smoothing(Enum):
@@ -159,23 +166,21 @@ def smooth_lengths(points: Floats, faces: Ints, topology: Topology, *, eye: Floa
     >>> smooth = smooth_lengths(mesh.points, mesh.faces, found)
     >>> true, raw = distances(truth_xy, edges).sum(), distances(mesh.points, edges).sum()
     >>> f"{raw / true - 1:.2%} {smooth.rest.sum() / true - 1:.2%}"
-    '0.68% -0.00%'
+    '0.65% 0.00%'
     """
     raw = distances(points, topology.edges)
     with crew() as run:
         scan = _look_at(points, faces, topology, raw, run)
         raw_defects = angle_defects(raw, faces, topology, len(points), run)
         buckling = math.sqrt(float(np.quantile(raw_defects, 0.25))) if len(raw_defects) else 0.0
-        wanted = _look_for_noise(scan, run) if buckling > BUCKLED else 0
+        step = typical_step(scan.rows, scan.edges)
+        wanted = _look_for_noise(scan, run) if _is_noisy(buckling, step) else 0
         for rounds in dict.fromkeys((wanted, 0)):
             surface = _find_surface(scan, rounds, run)
-            points_on = scan.points
-            if rounds and eye is not None:
-                points_on = onto_surface(scan.points, surface.normals, scan.ring, eye - scan.middle, run)
-            rest = np.empty(len(raw))
-            run(_over_surface, len(raw), points_on, surface.normals, surface.bends, scan.edges, rest)
+            rest = _measure(scan, surface, eye if rounds else None, run)
             defects = angle_defects(rest, faces, topology, len(points), run)
-            if defects.sum() <= WORSE * raw_defects.sum() + (NOISE_SLACK if rounds else CLEAN_SLACK) * len(defects):
+            slack = NOISY_SLACK if rounds else CLEAN_SLACK + BENT_SLACK * step
+            if defects.sum() <= WORSE * raw_defects.sum() + slack * len(defects):
                 break
         else:
             return _without_noise(raw, surface, scan, buckling, Smoothing.REFUSED)
@@ -200,6 +205,11 @@ def _look_at(points: Floats, faces: Ints, topology: Topology, raw: Floats, run: 
     return _Scan(
         centred, middle, topology.edges, ring, rows, spacing, mean_square, ring_noise(centred, rows, ring, run)
     )
+
+
+def _is_noisy(buckling: float, step: float) -> bool:
+    """Tell noise from bends, by how much the sheet buckles and the squared difference of normals of neighbours."""
+    return buckling > BUCKLED and buckling**2 > min(BENT * math.sqrt(step), MOSTLY_NOISE) * step
 
 
 def _look_for_noise(scan: _Scan, run: Crew) -> int:
@@ -239,6 +249,15 @@ def _find_surface(scan: _Scan, rounds: int, run: Crew) -> _Surface:
     normals = carry(points, rows, bends, source, run)
     folds = points_at_folds(normals, ring, run)
     return _Surface(refit(points, normals, ring, folds, noise, scan.spacing, run), bends[source], off)
+
+
+def _measure(scan: _Scan, surface: _Surface, eye: Floats | None, run: Crew) -> Floats:
+    points = scan.points
+    if eye is not None:
+        points = onto_surface(points, surface.normals, scan.ring, np.asarray(eye) - scan.middle, run)
+    rest = np.empty(len(scan.edges))
+    run(_over_surface, len(rest), points, surface.normals, surface.bends, scan.edges, rest)
+    return rest
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
