@@ -36,6 +36,11 @@ SECTIONS = {
         "`flatten.expected_error_mm` beside the true error. Noise that is correlated over several points of the scan "
         "cannot be told from the surface, and is underestimated.",
     ),
+    "binarized": (
+        "Black and white",
+        "F1 of ink by method, on pages whose lower half is printed fainter, as the photo shows them (shaded) and after "
+        "their shade was removed (even). nick is the default since it keeps faint print beside black print.",
+    ),
     "rest_lengths": (
         "Rest lengths in spite of noise",
         "The sticks' energy solved exactly, so that only the rest lengths are judged. Floor: lengths along the true "

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from planish.crew import Crew
 from planish.mesh import Topology
@@ -25,7 +26,7 @@ CELL = 12
 """Side of the cells that noise is averaged in, in edges; with their neighbours they hold 1,000 points or so."""
 
 OUTLIER = 4.0
-"""Values over so many medians count as that: a crease is no noise, but noise may differ by this over a sheet."""
+"""Values over so many medians count as that: what creases do is not noise, but noise may differ over a sheet."""
 
 
 def angle_defects(rest: Floats, faces: Ints, topology: Topology, point_count: int, run: Crew) -> Floats:
@@ -42,7 +43,7 @@ def angle_defects(rest: Floats, faces: Ints, topology: Topology, point_count: in
     return np.abs(2 * np.pi - sums[inner])
 
 
-def ring_noise(points: Floats, rows: Rows, ring: Ring, run: Crew) -> Floats:
+def ring_noise(points: Floats, rows: Rows, ring: Ring, run: Crew) -> NDArray[np.float32]:
     """(n,) size [mm] of the noise of every point, if it is white: how far it stands out of its ring.
 
     Bending cancels in the difference of a point's height over its ring and the ring's mean height; noise does not.
@@ -52,10 +53,11 @@ def ring_noise(points: Floats, rows: Rows, ring: Ring, run: Crew) -> Floats:
     height, off = np.empty(len(points), np.float32), np.empty(len(points), np.float32)
     run(_heights, len(points), points, rows, ring, height)
     run(_less_ring, len(points), height, ring, off)
-    return np.asarray(np.abs(off) / np.float32(RING_GAIN))
+    out: NDArray[np.float32] = np.abs(off) / np.float32(RING_GAIN)
+    return out
 
 
-def surface_noise(points: Floats, rows: Rows, bends: Bends, patch: float, run: Crew) -> Floats:
+def surface_noise(points: Floats, rows: Rows, bends: Bends, patch: float, run: Crew) -> NDArray[np.float32]:
     """(n,) distance [mm] of every point from its own bent plane: noise that is alike over some pixels shows here too.
 
     Parameters
@@ -69,14 +71,14 @@ def surface_noise(points: Floats, rows: Rows, bends: Bends, patch: float, run: C
     return off
 
 
-def typical(off: Floats) -> float:
+def typical(off: NDArray[np.float32]) -> float:
     """Standard deviation of noise, from the median of its sizes over a sample."""
     some = off[:: max(1, len(off) // SAMPLE)]
     some = some[np.isfinite(some)]
     return FROM_MEDIAN * float(np.median(some)) if len(some) else 0.0
 
 
-def around(points: Floats, values: Floats, spacing: float, run: Crew) -> Floats:
+def around(points: Floats, values: NDArray[np.floating], spacing: float, run: Crew) -> Floats:
     """(n,) mean of the finite values in cells of CELL edges and those next to them, of every point's cell.
 
     Examples

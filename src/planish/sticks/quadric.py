@@ -13,11 +13,12 @@ from planish.sticks.vectors import dot, minus, plus, row, square, tangents, unit
 from planish.types import Floats, Ints
 
 RINGS, MOST, LEAST = 4, 96, 12
-"""How far points are taken from, how many at most, and how many it takes: twice the six unknowns."""
+"""How far points are taken from, how many at most, and how many it takes: twice the six unknowns. Three rings are as
+good without noise, and 2 % worse with it."""
 
 FOLD = (2 * math.sin(math.radians(20.0) / 2)) ** 2
-"""Squared difference of normals 20 degrees apart. At folds of less, what mixed normals do to lengths is under a
-micrometre an edge, and a fit to noisy points does more (letter, 0.07 mm)."""
+"""Squared difference of normals 20 degrees apart. With 40, crumpled sheets are 0.07 % too small instead of 0.04; with
+10, round folds of 1.5 mm radius are taken for sharp ones."""
 
 FARTHEST = math.cos(math.radians(20.0))
 """A fit that turns the normal by more went wrong: its points were of both sides."""

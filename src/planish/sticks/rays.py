@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from planish.crew import Crew
 from planish.sticks.normals import Ring
@@ -25,7 +26,7 @@ GRAZING = 0.15
 """Rays that meet the surface at less than 8.6 degrees are not followed: the shift would be many times the noise."""
 
 
-def onto_surface(points: Floats, normals: Floats, ring: Ring, eye: Floats, run: Crew) -> Floats:
+def onto_surface(points: Floats, normals: NDArray[np.float32], ring: Ring, eye: Floats, run: Crew) -> Floats:
     """Move every point along its ray to where the normals around it want the surface to be.
 
     If neither end had noise, an edge would be at right angles to the mean of its ends' normals (to third order in its

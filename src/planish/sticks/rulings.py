@@ -14,15 +14,15 @@ from planish.sticks.vectors import cross, dot, minus, plus, row, square, times
 Mates = NDArray[np.int32]
 """(n, 2) points some edges away from every point, one either way along its ruling; itself where there is none."""
 
-HOPS = 4
-"""Edges to the first mates: the line is met within an eighth of the way."""
-
-DOUBLINGS = 3
-"""Mates are taken HOPS, 2 HOPS, 4 HOPS ... edges away."""
+HOPS, DOUBLINGS = 4, 3
+"""Mates are taken 4, 8 and 16 edges away, so that normals of up to 57 points are averaged. With 4 and 8 only, noise of
+0.07 mm that is alike over three pixels leaves a sheet 0.03 % too large, instead of 0.015."""
 
 STOP = 6.0
+"""Mates whose normals differ by more than so many typical steps are not on one ruling; from 4 to 10 is much alike."""
 
 FAR, QUARTER = np.float32(np.inf), np.float32(0.25)
+"""In single precision, as the rows are: kernels are a third slower if one double creeps in."""
 
 
 def average_along(rows: Rows, bends: Bends, ring: Ring, out: Rows, run: Crew) -> tuple[Rows, Rows]:

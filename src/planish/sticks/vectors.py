@@ -9,16 +9,19 @@ from numba import njit
 
 @njit(cache=True, nogil=True)
 def row(array, i, k=0):  # type: ignore[no-untyped-def]
+    """Three numbers of row i, from column k on."""
     return array[i, k], array[i, k + 1], array[i, k + 2]
 
 
 @njit(cache=True, nogil=True)
 def minus(a, b):  # type: ignore[no-untyped-def]
+    """The difference a - b."""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
 @njit(cache=True, nogil=True)
 def times(scale, a):  # type: ignore[no-untyped-def]
+    """The product scale a."""
     return scale * a[0], scale * a[1], scale * a[2]
 
 
@@ -30,16 +33,19 @@ def plus(a, scale, b):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def dot(a, b):  # type: ignore[no-untyped-def]
+    """The product a . b."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @njit(cache=True, nogil=True)
 def square(a):  # type: ignore[no-untyped-def]
+    """The product a . a."""
     return a[0] * a[0] + a[1] * a[1] + a[2] * a[2]
 
 
 @njit(cache=True, nogil=True)
 def cross(a, b):  # type: ignore[no-untyped-def]
+    """The product a x b."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
