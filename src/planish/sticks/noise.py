@@ -53,8 +53,7 @@ def ring_noise(points: Floats, rows: Rows, ring: Ring, run: Crew) -> NDArray[np.
     height, off = np.empty(len(points), np.float32), np.empty(len(points), np.float32)
     run(_heights, len(points), points, rows, ring, height)
     run(_less_ring, len(points), height, ring, off)
-    out: NDArray[np.float32] = np.abs(off) / np.float32(RING_GAIN)
-    return out
+    return np.asarray(np.abs(off) / np.float32(RING_GAIN), np.float32)
 
 
 def surface_noise(points: Floats, rows: Rows, bends: Bends, patch: float, run: Crew) -> NDArray[np.float32]:
