@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 
 from planish.mesh import topology
 from planish.sticks import bending_pairs, distances, make_sticks, unfolded_distance
+from planish.sticks.trust import bending_weights
 from planish.types import Mesh
 from shapes import arch, grid
 
@@ -94,3 +95,20 @@ def test_lengths_that_close_to_no_triangle_count_as_one_without_height():
     ):
         got = unfolded_distance(np.array(rest), edge, faces, topo)
         assert got == pytest.approx(apart, abs=1e-12)
+
+
+def test_clean_sticks_all_count_alike_and_raw_ones_know_no_noise():
+    uv, faces = grid(12, 9)
+    smooth = sticks_of(upright(uv), faces, "smooth")
+    np.testing.assert_array_equal(smooth.weight, 1)
+    assert smooth.noise_mm.max() < 1e-6
+    assert sticks_of(upright(uv), faces).noise_mm is None
+
+
+def test_a_bending_stick_counts_less_as_noise_nears_the_height_of_its_faces():
+    uv, faces = grid(3, 3, width=2.0, height=2.0)  # right triangles with legs of 1, least height sqrt(1/2)
+    topo = topology(faces, len(uv))
+    edge = bending_pairs(faces, topo)[1]
+    for noise, weight in ((0.0, 1.0), (np.sqrt(0.5) / 8, 1.0), (np.sqrt(0.5) / 4, 0.5), (100.0, 0.01)):
+        got = bending_weights(distances(uv, topo.edges), edge, topo, np.full(len(uv), noise))
+        np.testing.assert_allclose(got, weight, rtol=1e-12)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from planish.crew import crew
 from planish.mesh import Topology
 from planish.settings import Lengths
 from planish.sticks.smooth import smooth_lengths
@@ -63,7 +64,10 @@ def make_sticks(mesh: Mesh, topology: Topology, lengths: Lengths = "smooth", *, 
 def bending_pairs(faces: Ints, topology: Topology) -> tuple[Ints, Ints]:
     """Opposite corners of every two triangles that share an edge: (b, 2) points and the (b,) rows of that edge."""
     edge = np.flatnonzero(topology.edge_uses == 2).astype(np.int32)
-    return _opposite_corners(edge, topology.edges, topology.edge_faces, faces), edge
+    corners = np.empty((len(edge), 2), np.int32)
+    with crew() as run:
+        run(_opposite_corners, len(edge), edge, topology.edges, topology.edge_faces, faces, corners)
+    return corners, edge
 
 
 def unfolded_distance(edge_rest: Floats, edge: Ints, faces: Ints, topology: Topology) -> Floats:
@@ -86,29 +90,28 @@ def unfolded_distance(edge_rest: Floats, edge: Ints, faces: Ints, topology: Topo
     -------
     (b,) float64 [mm]
     """
-    return np.asarray(_unfold(edge_rest, edge, topology.edges, topology.edge_faces, topology.face_edges, faces))
+    out = np.empty(len(edge))
+    with crew() as run:
+        run(_unfold, len(edge), edge_rest, edge, topology.edges, topology.edge_faces, topology.face_edges, faces, out)
+    return out
 
 
 @njit(cache=True, nogil=True)
-def _opposite_corners(edge, edges, edge_faces, faces):  # type: ignore[no-untyped-def]
-    corners = np.empty((len(edge), 2), np.int32)
-    for b in range(len(edge)):
+def _opposite_corners(first, last, edge, edges, edge_faces, faces, corners):  # type: ignore[no-untyped-def]
+    for b in range(first, last):
         i, j = edges[edge[b], 0], edges[edge[b], 1]
         for side in range(2):
             f = edge_faces[edge[b], side]
             corners[b, side] = faces[f, 0] + faces[f, 1] + faces[f, 2] - i - j
-    return corners
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _unfold(edge_rest, edge, edges, edge_faces, face_edges, faces):  # type: ignore[no-untyped-def]
-    out = np.empty(len(edge))
-    for b in range(len(edge)):
+def _unfold(first, last, edge_rest, edge, edges, edge_faces, face_edges, faces, out):  # type: ignore[no-untyped-def]
+    for b in range(first, last):
         e = edge[b]
         x1, h1 = _corner(edge_rest, e, edge_faces[e, 0], edges[e, 0], face_edges, faces)
         x2, h2 = _corner(edge_rest, e, edge_faces[e, 1], edges[e, 0], face_edges, faces)
         out[b] = np.sqrt((x1 - x2) ** 2 + (h1 + h2) ** 2)
-    return out
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

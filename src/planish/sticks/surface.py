@@ -12,7 +12,7 @@ from planish.mesh import Topology, neighbours
 from planish.sticks.bends import Bends, find_bends
 from planish.sticks.creases import carry, find_sides, to_sides
 from planish.sticks.noise import ring_noise, surface_noise, typical
-from planish.sticks.normals import Ring, Rows, diffuse, surface_rows, typical_step
+from planish.sticks.normals import SAMPLE, Ring, Rows, diffuse, surface_rows, typical_step
 from planish.sticks.quadric import points_at_folds, refit
 from planish.sticks.rulings import average_along
 from planish.types import Floats, Ints
@@ -82,7 +82,8 @@ def look_at(points: Floats, faces: Ints, topology: Topology, raw: Floats, run: C
     centred = points - middle
     ring = Ring(*neighbours(topology.edges, len(points)))
     rows = surface_rows(centred, faces)
-    spacing = float(np.median(raw)) if len(raw) else 0.0
+    some = raw[:: max(1, len(raw) // SAMPLE)]
+    spacing = float(np.median(some)) if len(some) else 0.0
     mean_square = float(raw @ raw) / max(len(raw), 1)
     noise = ring_noise(centred, rows, ring, run)
     return Scan(centred, middle, topology.edges, ring, rows, spacing, mean_square, noise)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from planish.crew import crew
 from planish.mesh import Topology
 from planish.types import Floats, Ints
 
@@ -29,19 +30,25 @@ def bending_weights(edge_rest: Floats, edge: Ints, topology: Topology, noise_mm:
     noise_mm : (n,) float64 [mm]
         At every point.
     """
-    heights = _least_heights(edge_rest, topology.face_edges)
-    left, right = topology.edge_faces[edge].T
-    ends = topology.edges[edge]
-    noise = 0.5 * (noise_mm[ends[:, 0]] + noise_mm[ends[:, 1]])
-    height = np.minimum(heights[left], heights[right])
-    return np.asarray(np.clip(height / np.maximum(SURE * noise, 1e-300), LEAST, 1.0))
+    height, weight = np.empty(len(topology.face_edges)), np.empty(len(edge))
+    with crew() as run:
+        run(_least_heights, len(height), edge_rest, topology.face_edges, height)
+        run(_weights, len(edge), height, edge, topology.edges, topology.edge_faces, noise_mm, weight)
+    return weight
 
 
 @njit(cache=True, nogil=True)
-def _least_heights(edge_rest, face_edges):  # type: ignore[no-untyped-def]
-    out = np.empty(len(face_edges))
-    for f in range(len(face_edges)):
+def _least_heights(first, last, edge_rest, face_edges, out):  # type: ignore[no-untyped-def]
+    for f in range(first, last):
         a, b, c = edge_rest[face_edges[f, 0]], edge_rest[face_edges[f, 1]], edge_rest[face_edges[f, 2]]
         area = max((a + b + c) * (b + c - a) * (a + c - b) * (a + b - c), 0.0)  # 16 times its square (Heron)
         out[f] = 0.5 * np.sqrt(area) / max(max(a, b, c), 1e-300)
-    return out
+
+
+@njit(cache=True, nogil=True)
+def _weights(first, last, height, edge, edges, edge_faces, noise_mm, weight):  # type: ignore[no-untyped-def]
+    for b in range(first, last):
+        e = edge[b]
+        noise = 0.5 * (noise_mm[edges[e, 0]] + noise_mm[edges[e, 1]])
+        least = min(height[edge_faces[e, 0]], height[edge_faces[e, 1]])
+        weight[b] = min(max(least / max(SURE * noise, 1e-300), LEAST), 1.0)
