@@ -7,8 +7,9 @@ The sticks' energy is minimised from the true layout, so that no solver's fault 
 the truth of every point (rigid fit, no scaling). `floor` is the same for lengths along the true surface between the
 feet of the noisy points: noise moves the feet, and no lengths can undo that.
 White, correlated (Gaussian, so many pixels wide) and growing noise (0.02 to 0.15 mm across the sheet) lie along the
-scanner's rays; `delaunay` is a random mesh with slivers, and noise in all directions. Seconds are of a second run.
-Prints a Markdown table, in a few minutes.
+scanner's rays; `delaunay` is a random mesh with slivers, and noise in all directions. `rays known` is the error when
+smoothing is told where the scanner stood, and so moves points along their rays. Seconds are of a second run.
+Prints a Markdown table, in some six minutes.
 """
 
 from __future__ import annotations

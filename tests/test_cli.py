@@ -324,6 +324,7 @@ class TestBadOutput:
         job = subprocess.Popen(
             [sys.executable, "-m", "planish", "restore", str(book[0]), "-o", str(page), "--dpi", "1200"],
             stderr=subprocess.PIPE,
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a job in the background ignores it
             text=True,
         )
         time.sleep(1.5)
