@@ -3,9 +3,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from planish.crew import crew
 from planish.mesh import topology
 from planish.sticks import bending_pairs, distances, make_sticks, unfolded_distance
-from planish.sticks.trust import bending_weights
+from planish.sticks.turned import turned_over
 from planish.types import Mesh
 from shapes import arch, grid
 
@@ -105,10 +106,28 @@ def test_clean_sticks_all_count_alike_and_raw_ones_know_no_noise():
     assert sticks_of(upright(uv), faces).noise_mm is None
 
 
-def test_a_bending_stick_counts_less_as_noise_nears_the_height_of_its_faces():
-    uv, faces = grid(3, 3, width=2.0, height=2.0)  # right triangles with legs of 1, least height sqrt(1/2)
-    topo = topology(faces, len(uv))
-    edge = bending_pairs(faces, topo)[1]
-    for noise, weight in ((0.0, 1.0), (np.sqrt(0.5) / 8, 1.0), (np.sqrt(0.5) / 4, 0.5), (100.0, 0.01)):
-        got = bending_weights(distances(uv, topo.edges), edge, topo, np.full(len(uv), noise))
-        np.testing.assert_allclose(got, weight, rtol=1e-12)
+def moved_within_the_plane():
+    """A flat sheet some of whose faces were turned over, as noise along the sheet does it; and which."""
+    uv, faces = grid(12, 9)
+    rng = np.random.default_rng(4)
+    xy = uv + 0.35 * (uv[1] - uv[0]).max() * rng.standard_normal(uv.shape)
+    a, b, c = (xy[faces[:, k]] for k in range(3))
+    return xy, faces, (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0] < 0
+
+
+def test_bending_sticks_across_faces_that_noise_turned_over_are_as_long_as_on_the_sheet():
+    xy, faces, turned = moved_within_the_plane()
+    assert turned.sum() > 3
+    topo = topology(faces, len(xy))
+    corners, edge = bending_pairs(faces, topo)
+    got = unfolded_distance(distances(xy, topo.edges), edge, faces, topo, turned)
+    np.testing.assert_allclose(got, distances(xy, corners), atol=1e-6)  # heights from Heron's formula: see above
+
+
+def test_faces_that_noise_turned_over_are_told_by_the_normals_of_all_three_corners():
+    xy, faces, turned = moved_within_the_plane()
+    normals = np.tile(np.float32([0, 0, 1]), (len(xy), 1))
+    with crew() as run:
+        np.testing.assert_array_equal(turned_over(upright(xy), faces, normals, run), turned)
+        normals[faces[turned][0, 1]] = [0, 0, -1]
+        assert not turned_over(upright(xy), faces, normals, run)[turned][0]

@@ -14,7 +14,7 @@ from planish.flattening.lengths import median_edge
 from planish.flattening.minimise import minimise
 from planish.flattening.overlaps import overlaps
 from planish.flattening.pieces import as_seen, bring_together, lay_apart, number_pieces
-from planish.flattening.unfold import lay_out
+from planish.flattening.unfold import as_they_lie, lay_out
 from planish.flattening.untangle import untangle
 from planish.mesh import Topology
 from planish.settings import MultigridSettings
@@ -96,8 +96,9 @@ def relax(
     edge = median_edge(rest)
     side = edge * float(np.sqrt(len(mesh.points)))
     with crew() as run:
-        xy, piece = lay_out(mesh.faces, topology, rest, len(mesh.points), run)
-        xy, _ = untangle(xy, mesh.faces, topology, rest)  # sticks can hold a flipped face down for a hundred steps
+        faces, found = as_they_lie(mesh.faces, topology, sticks.turned)
+        xy, piece = lay_out(faces, found, rest, len(mesh.points), run)
+        xy, _ = untangle(xy, faces, found, rest)  # sticks can hold a flipped face down for a hundred steps
         tell(0.3)
         piece, count = number_pieces(piece)
         if count > 1:

@@ -6,11 +6,13 @@ into clusters that are too small to drift, each is laid out by itself, and all a
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from planish.crew import Crew
 from planish.flattening.clusters import lay_out_clusters
 from planish.flattening.joints import gather, join
 from planish.mesh import Topology
-from planish.types import Floats, Ints
+from planish.types import Bools, Floats, Ints
 
 
 def lay_out(faces: Ints, topology: Topology, edge_rest: Floats, point_count: int, run: Crew) -> tuple[Floats, Ints]:
@@ -51,3 +53,21 @@ def lay_out(faces: Ints, topology: Topology, edge_rest: Floats, point_count: int
     clusters = lay_out_clusters(faces, topology, edge_rest, point_count, run)
     rho, tau, piece = join(clusters)
     return gather(clusters, rho, tau), piece[clusters.cluster[clusters.start[:-1]]]
+
+
+def as_they_lie(faces: Ints, topology: Topology, turned: Bools | None) -> tuple[Ints, Topology]:
+    """Faces, and their edges, with those that noise turned over running the other way round, as their lengths want it.
+
+    Parameters
+    ----------
+    faces : (m, 3) int32
+    topology : Topology
+    turned : (m,) bool or None
+        See `Sticks`.
+    """
+    if turned is None or not turned.any():
+        return faces, topology
+    faces, face_edges = faces.copy(), topology.face_edges.copy()
+    faces[turned] = faces[turned][:, [0, 2, 1]]
+    face_edges[turned] = face_edges[turned][:, [2, 1, 0]]
+    return faces, replace(topology, face_edges=face_edges)

@@ -10,8 +10,7 @@ from planish.mesh import Topology
 from planish.settings import Lengths
 from planish.sticks.smooth import smooth_lengths
 from planish.sticks.strain import distances
-from planish.sticks.trust import bending_weights
-from planish.types import Floats, Ints, Mesh, Sticks
+from planish.types import Bools, Floats, Ints, Mesh, Sticks
 
 
 def make_sticks(mesh: Mesh, topology: Topology, lengths: Lengths = "smooth", *, eye: Floats | None = None) -> Sticks:
@@ -48,16 +47,15 @@ def make_sticks(mesh: Mesh, topology: Topology, lengths: Lengths = "smooth", *, 
     if lengths == "straight":
         bend_rest = distances(mesh.points, corners)
     else:
-        bend_rest = unfolded_distance(edge_rest, edge, mesh.faces, topology)
-    rest, weight = np.concatenate([edge_rest, bend_rest]), np.ones(len(edge_rest) + len(bend_rest))
-    if smoothed is not None:
-        weight[len(edge_rest) :] = bending_weights(edge_rest, edge, topology, smoothed.noise_mm)
+        turned = None if smoothed is None else smoothed.turned
+        bend_rest = unfolded_distance(edge_rest, edge, mesh.faces, topology, turned)
     return Sticks(
         pairs=np.concatenate([topology.edges, corners]),
-        rest=rest,
-        weight=weight,
+        rest=np.concatenate([edge_rest, bend_rest]),
+        weight=np.ones(len(edge_rest) + len(bend_rest)),
         edges=len(edge_rest),
         noise_mm=None if smoothed is None else smoothed.noise_mm,
+        turned=None if smoothed is None else smoothed.turned,
     )
 
 
@@ -70,12 +68,14 @@ def bending_pairs(faces: Ints, topology: Topology) -> tuple[Ints, Ints]:
     return corners, edge
 
 
-def unfolded_distance(edge_rest: Floats, edge: Ints, faces: Ints, topology: Topology) -> Floats:
+def unfolded_distance(
+    edge_rest: Floats, edge: Ints, faces: Ints, topology: Topology, turned: Bools | None = None
+) -> Floats:
     """Distance of two opposite corners once their triangles are laid into one plane, on both sides of their edge.
 
     Found from nothing but the lengths of the five edges, so that bending sticks and edges agree on one flat shape.
     With x along the common edge and h >= 0 across it, the corners lie at (x1, h1) and (x2, -h2), so that
-    d^2 = (x1 - x2)^2 + (h1 + h2)^2.
+    d^2 = (x1 - x2)^2 + (h1 + h2)^2. The height of a face that was turned over counts as negative.
 
     Parameters
     ----------
@@ -85,14 +85,18 @@ def unfolded_distance(edge_rest: Floats, edge: Ints, faces: Ints, topology: Topo
         Rows of the edges with two faces.
     faces : (m, 3) int32
     topology : Topology
+    turned : (m,) bool, optional
+        See `Sticks`.
 
     Returns
     -------
     (b,) float64 [mm]
     """
     out = np.empty(len(edge))
+    side = np.ones(len(faces)) if turned is None else np.where(turned, -1.0, 1.0)
     with crew() as run:
-        run(_unfold, len(edge), edge_rest, edge, topology.edges, topology.edge_faces, topology.face_edges, faces, out)
+        at = (edge, topology.edges, topology.edge_faces, topology.face_edges, faces, side)
+        run(_unfold, len(edge), edge_rest, *at, out)
     return out
 
 
@@ -106,12 +110,13 @@ def _opposite_corners(first, last, edge, edges, edge_faces, faces, corners):  # 
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _unfold(first, last, edge_rest, edge, edges, edge_faces, face_edges, faces, out):  # type: ignore[no-untyped-def]
+def _unfold(first, last, edge_rest, edge, edges, edge_faces, face_edges, faces, side, out):  # type: ignore[no-untyped-def]
     for b in range(first, last):
         e = edge[b]
-        x1, h1 = _corner(edge_rest, e, edge_faces[e, 0], edges[e, 0], face_edges, faces)
-        x2, h2 = _corner(edge_rest, e, edge_faces[e, 1], edges[e, 0], face_edges, faces)
-        out[b] = np.sqrt((x1 - x2) ** 2 + (h1 + h2) ** 2)
+        f, g = edge_faces[e, 0], edge_faces[e, 1]
+        x1, h1 = _corner(edge_rest, e, f, edges[e, 0], face_edges, faces)
+        x2, h2 = _corner(edge_rest, e, g, edges[e, 0], face_edges, faces)
+        out[b] = np.sqrt((x1 - x2) ** 2 + (side[f] * h1 + side[g] * h2) ** 2)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

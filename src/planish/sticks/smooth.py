@@ -17,7 +17,8 @@ from planish.sticks.normals import NOISE, typical_step
 from planish.sticks.rays import onto_surface
 from planish.sticks.strain import distances
 from planish.sticks.surface import Scan, Surface, find_surface, look_at
-from planish.types import Floats, Ints, Mesh
+from planish.sticks.turned import turned_over
+from planish.types import Bools, Floats, Ints, Mesh
 
 BUCKLED = 0.003
 """Noise, in spacings, from which on there is something to smooth. Clean scans read 0 to 0.002 (4,000 to 300,000
@@ -69,6 +70,8 @@ class SmoothLengths:
     typical_noise_mm : float
         Its median.
     smoothing : Smoothing
+    turned : (m,) bool or None
+        Faces that noise turned over (see `turned_over`); None where there is no noise.
     """
 
     rest: Floats
@@ -76,6 +79,7 @@ class SmoothLengths:
     noise_mm: Floats
     typical_noise_mm: float
     smoothing: Smoothing
+    turned: Bools | None = None
 
 
 def smooth_lengths(points: Floats, faces: Ints, topology: Topology, *, eye: Floats | None = None) -> SmoothLengths:
@@ -141,7 +145,8 @@ def smooth_lengths(points: Floats, faces: Ints, topology: Topology, *, eye: Floa
         if not rounds:
             return _without_noise(rest, surface, scan, buckling, Smoothing.CLEAN)
         noise = FROM_MEAN * around(scan.points, surface.off, scan.spacing, run)
-    return SmoothLengths(rest, surface.normals, noise, float(np.median(noise)), Smoothing.SMOOTHED)
+        turned = turned_over(scan.points, faces, surface.normals, run)
+    return SmoothLengths(rest, surface.normals, noise, float(np.median(noise)), Smoothing.SMOOTHED, turned)
 
 
 def smooth_normals(mesh: Mesh, topology: Topology) -> NDArray[np.float32]:
