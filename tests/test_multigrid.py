@@ -306,6 +306,15 @@ class TestUntangle:
         calm = np.setdiff1d(np.arange(900), self.faces[near])
         np.testing.assert_array_equal(mended[calm], xy[calm])
 
+    def test_a_knot_that_single_points_cannot_undo_is_loosened(self):
+        xy = self.uv.copy()
+        inside = np.abs(xy - xy.mean(axis=0)).max(axis=1) < 25
+        xy[inside] = 2 * xy.mean(axis=0) - xy[inside]  # a whirl: the middle turned half round within its surroundings
+        assert np.count_nonzero(signed_areas(xy, self.faces) <= 0) > 10
+        mended, flipped = untangle(xy, self.faces, self.found, self.rest)
+        assert flipped == 0
+        assert (signed_areas(mended, self.faces) > 0).all()
+
     def test_what_cannot_be_mended_is_counted(self):
         closed = np.array([[0, 1, 2], [0, 2, 1]], np.int32)
         _, flipped = untangle(self.uv[[0, 1, 30]], closed, topology(closed, 3), np.ones(3))

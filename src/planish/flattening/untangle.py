@@ -20,9 +20,16 @@ LEAST = 0.1
 SLIVER = 1e-6
 """Area that a face without area by its lengths must keep, as a share of its longest side squared."""
 
-ROUNDS = 60
 WITHOUT_GAIN = 8
-"""Rounds over all points of flipped faces, at most; and in a row without one flip less."""
+"""Rounds over all points of flipped faces in a row without one flip less."""
+
+LOOSENED, ROUNDS = 6, 30
+"""How often a knot that single points cannot undo is loosened, each time by one more ring of faces around it: all
+points within go to the mean of their neighbours, in so many rounds, which opens it where its rim is nearly convex."""
+
+KNOTS, FEW = 0.01, 200
+"""With more than this part of all faces flipped, and not just a few, there are no knots but a surface that cannot lie
+flat."""
 
 
 def untangle(xy: Floats, faces: Ints, topology: Topology, edge_rest: Floats) -> tuple[Floats, int]:
@@ -48,8 +55,14 @@ def untangle(xy: Floats, faces: Ints, topology: Topology, edge_rest: Floats) -> 
         return xy, 0
     around, face = faces_around(faces, len(xy))
     need = _least_areas(faces, topology.face_edges, edge_rest)
+    fixed = np.zeros(len(xy), np.bool_)
+    fixed[topology.edges[topology.edge_uses == 1]] = True
     xy = xy.copy()
-    _turn_over(xy, faces, around, face, need, flipped)
+    flipped = _turn_over(xy, faces, around, face, need, flipped)
+    for wide in range(1, LOOSENED + 1):
+        if 0 < len(flipped) <= max(KNOTS * len(faces), FEW):
+            _loosen(xy, faces, around, face, fixed, flipped, wide)
+            flipped = _turn_over(xy, faces, around, face, need, _flipped(xy, faces))
     return xy, len(_flipped(xy, faces))
 
 
@@ -83,10 +96,11 @@ def _least_areas(faces, face_edges, rest):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _turn_over(xy, faces, around, face, need, flipped):  # type: ignore[no-untyped-def]
+    """Move points one by one until no face is flipped, or nothing is gained any more; the faces that still are."""
     lines = np.empty((64, 3))
     fewest, idle = len(flipped), 0
     share = 1.0
-    for _ in range(ROUNDS):
+    while len(flipped) and idle < WITHOUT_GAIN:
         for f in flipped:
             for k in range(3):
                 i = faces[f, k]
@@ -94,15 +108,36 @@ def _turn_over(xy, faces, around, face, need, flipped):  # type: ignore[no-untyp
                 _move(i, xy, lines[:count], reach)
         # Only faces around the points that were moved can have changed.
         flipped = _flipped_near(xy, faces, around, face, flipped)
-        if len(flipped) == 0:
-            break
         idle += 1
         if len(flipped) < fewest:
             fewest, idle = len(flipped), 0
-        if idle == WITHOUT_GAIN:
-            break
         if idle > 2:
             share *= 0.3
+    return flipped
+
+
+@njit(cache=True, nogil=True)
+def _loosen(xy, faces, around, face, fixed, flipped, wide):  # type: ignore[no-untyped-def]
+    """Bring the points within `wide` faces of flipped ones to the mean of their neighbours, but for the border's."""
+    knot = np.unique(faces[flipped])
+    for _ in range(wide):
+        near = [np.int32(0) for _ in range(0)]
+        for i in knot:
+            for at in range(around[i], around[i + 1]):
+                for k in range(3):
+                    near.append(faces[face[at], k])
+        knot = np.unique(np.array(near))
+    for _ in range(ROUNDS):
+        for i in knot:
+            if fixed[i]:
+                continue
+            x, y, count = 0.0, 0.0, 2 * (around[i + 1] - around[i])
+            for at in range(around[i], around[i + 1]):
+                for k in range(3):
+                    x += xy[faces[face[at], k], 0]
+                    y += xy[faces[face[at], k], 1]
+            xy[i, 0] = (x - 0.5 * count * xy[i, 0]) / count
+            xy[i, 1] = (y - 0.5 * count * xy[i, 1]) / count
 
 
 @njit(cache=True, nogil=True)
