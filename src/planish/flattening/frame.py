@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from planish.mesh import bounds
 from planish.types import Floats
 
 NEARLY_SQUARE = 1.02
@@ -54,8 +55,8 @@ def to_page_frame(page_xy: Floats, up: Floats, *, long_side_upright: bool = True
 
 def place_on_page(page_xy: Floats) -> tuple[Floats, tuple[float, float]]:
     """Shift the top left corner to the origin; also the width and height in mm."""
-    low, size = page_xy.min(axis=0), np.ptp(page_xy, axis=0)
-    return page_xy - low, (float(size[0]), float(size[1]))
+    low, high = bounds(page_xy)
+    return page_xy - low, (float(high[0] - low[0]), float(high[1] - low[1]))
 
 
 def direction_of_growth(page_xy: Floats, value: Floats) -> Floats:

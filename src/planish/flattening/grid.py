@@ -25,6 +25,7 @@ from planish.crew import Crew
 from planish.flattening.energy import Net, stiffness
 from planish.flattening.lengths import median_edge
 from planish.flattening.patches import Patches, make_patches, solve_patches
+from planish.mesh import bounds
 from planish.types import Floats, Ints
 
 Float32s = NDArray[np.float32]
@@ -76,7 +77,8 @@ class Preconditioner(NamedTuple):
 
 def make_preconditioner(net: Net, edges: int, xy: Floats, run: Crew) -> Preconditioner:
     """Build the preconditioner for sticks that lie as they do in `xy`, of which the first `edges` are edges."""
-    low, size = _box(xy)
+    low, high = bounds(xy)
+    size = high - low
     side = _side(CELL * median_edge(net.rest[:edges]), size, len(xy))
     cols, rows = (size / side).astype(int) + 1
     node, share = np.empty(len(xy), np.int32), np.empty((len(xy), 2), np.float32)
@@ -136,16 +138,6 @@ def _cycle(kappa: tuple[Float32s, ...], load: Float32s) -> Float32s:
 def _nodes(kappa: Float32s) -> Float32s:
     """Zeros for x and y at every node between the cells, with a rim of nodes that stay so."""
     return np.zeros((kappa.shape[0] + 1, kappa.shape[1] + 1, 2), np.float32)
-
-
-@njit(cache=True, nogil=True)
-def _box(xy):  # type: ignore[no-untyped-def]
-    """Lower left corner of the box around points, and its size."""
-    low, high = xy[0].copy(), xy[0].copy()
-    for i in range(len(xy)):
-        for d in range(2):
-            low[d], high[d] = min(low[d], xy[i, d]), max(high[d], xy[i, d])
-    return low, high - low
 
 
 @njit(cache=True, nogil=True)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from planish.mesh import Topology
+from planish.mesh import Topology, bounds
 from planish.types import Floats, Ints
 
 
@@ -47,7 +47,8 @@ def layers(faces: Ints, page_xy: Floats, topology: Topology) -> Ints:
     border = _border(faces, topology.face_edges, topology.edges)
     if not len(border):
         return np.zeros(len(faces), np.int32)
-    low, size = page_xy.min(0), np.ptp(page_xy, 0)
+    low, high = bounds(page_xy)
+    size = high - low
     side = float(np.sqrt(max(size.prod() / len(faces), 0.0)) or size.max() / len(faces) or 1.0)
     side = max(side, float(size.max()) / len(faces))
     cols, rows = (size / side).astype(int) + 1

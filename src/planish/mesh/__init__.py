@@ -4,7 +4,7 @@ from planish.mesh.adjacency import neighbours
 from planish.mesh.carry import carry
 from planish.mesh.clean import Cleaned, clean
 from planish.mesh.locality import local_order, renumbered
-from planish.mesh.measures import angle_sums, area_vectors, border_loops, point_normals
+from planish.mesh.measures import angle_sums, area_vectors, border_loops, bounds, point_normals
 from planish.mesh.place import to_file_order
 from planish.mesh.projection import depths, project
 from planish.mesh.raster import rasterise
@@ -21,6 +21,7 @@ __all__ = [
     "angle_sums",
     "area_vectors",
     "border_loops",
+    "bounds",
     "carry",
     "clean",
     "code_values",

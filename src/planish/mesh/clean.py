@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from planish.errors import InputError
-from planish.mesh.measures import angle_sums, area_vectors, border_loops
+from planish.mesh.measures import angle_sums, area_vectors, border_loops, bounds
 from planish.mesh.orient import pieces_and_winding
 from planish.mesh.topology import Topology, topology
 from planish.types import Bools, Floats, Ints, Mesh, Scan
@@ -109,8 +109,8 @@ def _usable(points: Floats, faces: Ints, warnings: list[str]) -> Ints:
         rows = rows[good]
     if not len(rows):
         raise InputError("no face of the scan has three different, finite points")
-    used = points[faces[rows]].reshape(-1, 3)
-    extent = np.ptp(used, axis=0).max()
+    low, high = bounds(points[faces[rows]].reshape(-1, 3))
+    extent = (high - low).max()
     if not np.isfinite(extent) or extent > 1e100:
         raise InputError(f"the scan is {extent:.3g} mm wide; these cannot be millimetres of paper")
     area = np.linalg.norm(area_vectors(points, faces[rows]), axis=1).sum()

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from planish.mesh.measures import bounds
 from planish.mesh.topology import Topology
 from planish.types import Ints, Mesh
 
@@ -38,7 +39,8 @@ def local_order(mesh: Mesh, topology: Topology) -> Ints | None:
     count = len(mesh.points)
     if np.abs(step[:, 1] - step[:, 0]).mean() <= SCATTERED * np.sqrt(count):
         return None
-    low, extent = mesh.points.min(axis=0), float(np.ptp(mesh.points, axis=0).max()) or 1.0
+    low, high = bounds(mesh.points)
+    extent = float((high - low).max()) or 1.0
     return np.argsort(_morton(mesh.points, low, (2**LEVELS - 1) / extent)).astype(np.int32)
 
 
