@@ -1,9 +1,17 @@
 """Sheets of every kind that a scanner, a mesher or a user may hand in, made from a number."""
 
+from time import perf_counter
+
 import numpy as np
 
+import planish
+from planish.errors import InputError
 from planish.gallery import SHEETS, sheet, sheet_mesh
-from planish.types import Mesh
+from planish.mesh import clean
+from planish.types import Mesh, Scan
+
+LIMIT = 10.0
+"""Seconds for one sheet of at most 2,500 points: hundreds of times what it takes, so that only a hang exceeds it."""
 
 OUTLINES = (None, None, None, "c", "ring", "comb")
 
@@ -29,9 +37,9 @@ def random_sheet(seed: int) -> Mesh:
     if rng.random() < 0.3:
         turned = rng.random(len(faces)) < 0.3
         faces[turned] = faces[turned, ::-1]
-    if rng.random() < 0.2:
+    if rng.random() < 0.2 and len(faces):
         faces = np.r_[faces, faces[rng.integers(len(faces), size=5)]]  # faces that stand twice
-    if rng.random() < 0.2:
+    if rng.random() < 0.2 and len(points):
         points[rng.integers(len(points), size=3)] = rng.choice([np.nan, np.inf])
     if rng.random() < 0.2:  # a triangle soup: every corner a point of its own
         points, faces = points[faces].reshape(-1, 3), np.arange(3 * len(faces)).reshape(-1, 3)
@@ -43,3 +51,28 @@ def random_sheet(seed: int) -> Mesh:
     if rng.random() < 0.1:
         points += rng.normal(0, 1e4, 3)
     return Mesh(points, faces)
+
+
+def check(seed: int) -> str:
+    """Flatten one sheet: nothing infinite, no flip or overlap that is not told, in time; returns how it ended."""
+    scan = Scan(random_sheet(seed))
+    start = perf_counter()
+    try:
+        done = planish.restore(scan)
+    except InputError:
+        return "refused"
+    assert perf_counter() - start < LIMIT, seed
+    flat, said = done.flattening, done.report.flatten
+    assert np.isfinite(flat.page_xy).all(), seed
+    assert np.isfinite([*flat.size_mm, said.strain_rms, said.expected_error_mm]).all(), seed
+    cleaned = clean(scan)
+    kept = cleaned.place >= 0
+    page = np.zeros((len(cleaned.scan.mesh.points), 2))
+    page[cleaned.place[kept]] = flat.page_xy[kept]
+    ab, ac = (page[cleaned.scan.mesh.faces[:, k]] - page[cleaned.scan.mesh.faces[:, 0]] for k in (1, 2))
+    flips = int((ab[:, 0] * ac[:, 1] - ab[:, 1] * ac[:, 0] >= 0).sum())
+    shared = any("touch in a point" in warning for warning in done.report.warnings)
+    assert said.flipped_faces == flips or shared, seed
+    for count, word in ((said.flipped_faces, "back up"), (said.overlaps, "over other parts")):
+        assert not count or any(word in warning for warning in done.report.warnings), seed
+    return flat.outcome.name

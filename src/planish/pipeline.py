@@ -14,6 +14,7 @@ from planish.flattening import direction_of_growth, to_page_frame, turned
 from planish.flattening import flatten as lay_flat
 from planish.mesh import Cleaned, clean, to_file_order
 from planish.render import Rendered, draw, project, skew_degrees, upright_turn
+from planish.render.viewpoint import viewpoint
 from planish.report import account
 from planish.settings import FlattenSettings, RestoreSettings, Rotation
 from planish.shading import ShadingFit, unshade
@@ -56,7 +57,9 @@ def restore(scan: Scan, settings: RestoreSettings | None = None, progress: Progr
     with stage("clean"):
         cleaned = clean(_with_photo_places(scan))
     with stage("flatten") as tell:
-        flat = lay_flat(cleaned.scan.mesh, cleaned.topology, s.flatten, tell)
+        sheet = cleaned.scan
+        eye = viewpoint(sheet.mesh, sheet.photo_xy, cleaned.topology.edges)
+        flat = lay_flat(sheet.mesh, cleaned.topology, s.flatten, tell, eye=eye)
     with stage("turn"):
         flat = _the_right_way_round(cleaned, flat, s.rotate)
     rendered = unshaded = binary = None

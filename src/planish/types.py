@@ -115,6 +115,8 @@ class Sticks:
         How many of the sticks are edges of the mesh.
     noise_mm : (n,) float64 [mm] or None
         Standard deviation of the scanner's noise around every point, where it was measured.
+    noise_left : float
+        Part of it, 0 to 1, that is still in the lengths.
     turned : (m,) bool or None
         Faces of the mesh that noise turned over, where that was looked for: by these lengths their back is up.
     """
@@ -124,6 +126,7 @@ class Sticks:
     weight: Floats
     edges: int
     noise_mm: Floats | None = None
+    noise_left: float = 1.0
     turned: Bools | None = None
 
     def __post_init__(self) -> None:

@@ -39,7 +39,12 @@ class Solved(NamedTuple):
 
 
 def flatten(
-    mesh: Mesh, topo: Topology, settings: FlattenSettings | None = None, progress: Progress | None = None
+    mesh: Mesh,
+    topo: Topology,
+    settings: FlattenSettings | None = None,
+    progress: Progress | None = None,
+    *,
+    eye: Floats | None = None,
 ) -> Flattening:
     """Lay a sheet flat: reduce it if asked, turn it into sticks, let the method settle them, place every point.
 
@@ -52,6 +57,8 @@ def flatten(
     settings : FlattenSettings, optional
     progress : callable, optional
         Told the share of the work that is done, now and then.
+    eye : (3,) float64 [mm], optional
+        Where the scanner's rays come from, if its errors lie along them (see `smooth_lengths`).
 
     Returns
     -------
@@ -70,7 +77,7 @@ def flatten(
     sheet_topo = topo if coarse is None else topology(sheet.faces, len(sheet.points))
     # Between points kept far apart there is next to no noise, but true bends that smoothing would take away.
     lengths = "unfolded" if coarse is not None and s.lengths == "smooth" else s.lengths
-    sticks = make_sticks(sheet, sheet_topo, lengths)
+    sticks = make_sticks(sheet, sheet_topo, lengths, eye=eye)
     solve = _by_verlet if s.method == "verlet" else _by_multigrid
     solved = solve(sheet, sheet_topo, sticks, s, progress)
     flat = solved.xy if coarse is None else carry(coarse, mesh.points, solved.xy)

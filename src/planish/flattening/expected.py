@@ -22,11 +22,11 @@ def expected_error(xy: Floats, sticks: Sticks) -> tuple[Floats, Floats]:
 
         e^2 = (a s sqrt(h L))^2 + (b sigma)^2
 
-    s is the rms strain of the edges around, h their median length, L the side of the sheet, sigma the scanner's noise.
-    Strain that changes sign from edge to edge at random adds up over the L / h edges of a side to s h sqrt(L / h),
-    which is the first term; a = 1.6 was found for noise, folds cut short by a coarse mesh and surfaces that cannot lie
-    flat alike. Noise moves a point along the sheet too, by the second term. Both were measured against the truth, see
-    docs/benchmarks.md; the expectation is good to a factor of two.
+    s is the rms strain of the edges around, h their median length, L the side of the sheet, sigma the scanner's noise
+    as far as it is left in the lengths. Strain that changes sign from edge to edge at random adds up over the L / h
+    edges of a side to s h sqrt(L / h), which is the first term; a = 1.6 was found for noise, folds cut short by a
+    coarse mesh and surfaces that cannot lie flat alike. Noise moves a point along the sheet too, by the second term.
+    Both were measured against the truth, see docs/benchmarks.md; the expectation is good to a factor of two.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def expected_error(xy: Floats, sticks: Sticks) -> tuple[Floats, Floats]:
     local = _average_around(xy, (xy[pairs[:, 0]] + xy[pairs[:, 1]]) / 2, squared, side / CELLS)
     squared_error = STRAIN_WEIGHT**2 * local * float(np.median(rest)) * side
     if sticks.noise_mm is not None:
-        squared_error = squared_error + (NOISE_WEIGHT * sticks.noise_mm) ** 2
+        squared_error = squared_error + (NOISE_WEIGHT * sticks.noise_left * sticks.noise_mm) ** 2
     return np.sqrt(squared_error), np.sqrt(local)
 
 

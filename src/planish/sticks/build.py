@@ -55,6 +55,7 @@ def make_sticks(mesh: Mesh, topology: Topology, lengths: Lengths = "smooth", *, 
         weight=np.ones(len(edge_rest) + len(bend_rest)),
         edges=len(edge_rest),
         noise_mm=None if smoothed is None else smoothed.noise_mm,
+        noise_left=1.0 if smoothed is None else smoothed.noise_left,
         turned=None if smoothed is None else smoothed.turned,
     )
 

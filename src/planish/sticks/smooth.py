@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from planish.crew import Crew, crew
 from planish.mesh import Topology
 from planish.sticks.lengths import lengths_over
-from planish.sticks.noise import FROM_MEAN, angle_defects, around, typical
+from planish.sticks.noise import FROM_MEAN, FROM_MEDIAN, angle_defects, around, typical
 from planish.sticks.normals import NOISE, typical_step
 from planish.sticks.rays import onto_surface
 from planish.sticks.strain import distances
@@ -67,6 +67,8 @@ class SmoothLengths:
         Unit normals of the surface; at a crease those of the side that the point lies on.
     noise_mm : (n,) float64
         Standard deviation of the scanner's noise around every point, across the surface.
+    noise_left : float
+        Part of the noise, 0 to 1, that is still in the lengths: less than 1 where points were moved along their rays.
     typical_noise_mm : float
         Its median.
     smoothing : Smoothing
@@ -80,6 +82,7 @@ class SmoothLengths:
     typical_noise_mm: float
     smoothing: Smoothing
     turned: Bools | None = None
+    noise_left: float = 1.0
 
 
 def smooth_lengths(points: Floats, faces: Ints, topology: Topology, *, eye: Floats | None = None) -> SmoothLengths:
@@ -135,7 +138,10 @@ def smooth_lengths(points: Floats, faces: Ints, topology: Topology, *, eye: Floa
         wanted = _look_for_noise(scan, run) if noisy else 0
         for rounds in dict.fromkeys((wanted, 0)):
             surface = find_surface(scan, rounds, run)
-            rest = _measure(scan, surface, eye if rounds else None, run)
+            moved, left = scan.points, 1.0
+            if rounds and eye is not None:
+                moved, left = _without_its_noise(scan, surface, eye, run)
+            rest = lengths_over(moved, surface.normals, surface.bends, scan.edges, run)
             defects = angle_defects(rest, faces, topology, len(points), run)
             slack = NOISY_SLACK if rounds else CLEAN_SLACK
             if defects.sum() <= WORSE * raw_defects.sum() + slack * len(defects):
@@ -146,7 +152,7 @@ def smooth_lengths(points: Floats, faces: Ints, topology: Topology, *, eye: Floa
             return _without_noise(rest, surface, scan, buckling, Smoothing.CLEAN)
         noise = FROM_MEAN * around(scan.points, surface.off, scan.spacing, run)
         turned = turned_over(scan.points, faces, surface.normals, run)
-    return SmoothLengths(rest, surface.normals, noise, float(np.median(noise)), Smoothing.SMOOTHED, turned)
+    return SmoothLengths(rest, surface.normals, noise, float(np.median(noise)), Smoothing.SMOOTHED, turned, left)
 
 
 def smooth_normals(mesh: Mesh, topology: Topology) -> NDArray[np.float32]:
@@ -162,7 +168,7 @@ def _is_noisy(buckling: float, step: float) -> bool:
 def _look_for_noise(scan: Scan, run: Crew) -> int:
     """Note where there is more and less noise, and say how many rounds of smoothing it asks for."""
     noise = FROM_MEAN * around(scan.points, scan.ring_noise, scan.spacing, run)
-    scan.rows[:, NOISE] = np.maximum((noise / np.median(noise)) ** 2, LEAST_NOISE)
+    scan.rows[:, NOISE] = np.maximum((noise / max(float(np.median(noise)), 1e-300)) ** 2, LEAST_NOISE)
     return int(np.clip(ROUNDS_PER_NOISE * np.quantile(noise, NOISIEST) / scan.spacing, FEWEST, MOST))
 
 
@@ -172,8 +178,13 @@ def _without_noise(rest: Floats, surface: Surface, scan: Scan, buckling: float, 
     return SmoothLengths(rest, surface.normals, np.full(len(scan.points), noise), noise, smoothing)
 
 
-def _measure(scan: Scan, surface: Surface, eye: Floats | None, run: Crew) -> Floats:
-    points = scan.points
-    if eye is not None:
-        points = onto_surface(points, surface.normals, scan.ring, np.asarray(eye) - scan.middle, run)
-    return lengths_over(points, surface.normals, surface.bends, scan.edges, run)
+def _without_its_noise(scan: Scan, surface: Surface, eye: Floats, run: Crew) -> tuple[Floats, float]:
+    """Points moved along their rays onto the surface, and the part of the noise that this leaves.
+
+    What is alike over several points does not show as noise, and stays: noise of variance s^2 that moves points by m,
+    rms, leaves s^2 - m^2.
+    """
+    noise = typical(surface.off)
+    moved = onto_surface(scan.points, surface.normals, scan.ring, eye - scan.middle, noise / scan.spacing, run)
+    gone = np.einsum("ij,ij->i", moved - scan.points, surface.normals)
+    return moved, math.sqrt(max(1 - float(np.median(gone * gone)) / max(FROM_MEDIAN**-2 * noise**2, 1e-300), 0.0))
