@@ -3,7 +3,7 @@ import pytest
 
 from planish.crew import crew
 from planish.flattening.clusters import RADIUS, lay_out_clusters
-from planish.flattening.joints import join
+from planish.flattening.joints import gather, join
 from planish.flattening.unfold import lay_out
 from planish.gallery import SHEETS, sheet, sheet_mesh
 from planish.mesh import topology
@@ -146,3 +146,19 @@ def test_a_closed_surface_ends_somewhere_finite():
     faces = np.array([[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]], np.int32)
     xy, _ = unfold(faces, lambda edges: distances(corners, edges), 6)
     assert np.isfinite(xy).all()
+
+
+def test_a_cluster_that_came_out_crumpled_is_outvoted():
+    faces, truth, true, _ = known("flat", 6000)
+    found = topology(faces, len(truth))
+    rng = np.random.default_rng(0)
+    rest = true(found.edges) * (1 + 1e-3 * rng.standard_normal(len(found.edges)))
+    with crew() as run:
+        clusters = lay_out_clusters(faces, found, rest, len(truth), run)
+    whole = gather(clusters, *join(clusters)[:2])
+    inner = clusters.cluster == np.bincount(clusters.cluster).argmax()
+    crumpled = clusters._replace(place=clusters.place + np.where(inner, rng.normal(0, 5, len(inner)), 0))
+    point = np.repeat(np.arange(len(truth)), np.diff(clusters.start))
+    others = np.setdiff1d(point, point[inner])
+    moved = rigid_rms(gather(crumpled, *join(crumpled)[:2])[others], whole[others])
+    assert moved < 0.03  # 0.3 mm if all joints counted alike

@@ -30,19 +30,24 @@ STILL = 1e-3
 """No further step when the large clusters turned by no more than this [rad] on average: the next step would turn them
 by about its square. Slivers that hang on by a short edge may spin for ever."""
 
+AMISS = 50.0
+"""Joints whose points meet worse than usual by more than this, squared, count less, as one of the two clusters came out
+folded: on a Miura fold of 150,000 points with 0.2 mm of noise one such joint puts the layout 6 mm out, 0.28 with this.
+From 8 to 50 is much alike; with less good joints count for too little."""
+
 HINGED = 1e-10
 """Share of the greatest stiffness added to all, as a cluster that hangs on by a single point can turn freely."""
 
 
 class Joints(NamedTuple):
-    """Moments of the points that two clusters share, one row for each such pair.
+    """Moments of the points that two clusters share, one row for each such pair; points that meet badly count less.
 
     Attributes
     ----------
     pairs : (j, 2) int32
         Clusters a < b.
     number : (j,) float64
-        Points shared.
+        Points shared, as far as they count.
     sums : (j, 2) complex128 [mm]
         Sums of z_a and of z_b.
     squares : (j, 2) float64 [mm^2]
@@ -96,7 +101,23 @@ def _spread(joints: Joints) -> Floats:
 def _find_joints(clusters: Clusters) -> Joints:
     """Collect the pairs of clusters that share points, and the moments of those points."""
     row, other, first, second = _meetings(clusters.start, clusters.cluster, clusters.total)
-    return Joints(*_moments(row, other, first, second, clusters.place))
+    joints = Joints(*_moments(row, other, first, second, clusters.place))
+    share = _trust(joints)
+    return Joints(
+        joints.pairs,
+        joints.number * share,
+        joints.sums * share[:, None],
+        joints.squares * share[:, None],
+        joints.product * share,
+    )
+
+
+def _trust(joints: Joints) -> Floats:
+    """(j,) 1 / (1 + m / (50 median m)), m the mean square by which shared points miss each other at best [mm^2]."""
+    product = joints.product - joints.sums[:, 0].conj() * joints.sums[:, 1] / joints.number
+    miss = np.maximum(_spread(joints) - 2 * np.abs(product), 0) / joints.number
+    usual = float(np.median(miss[joints.number > 2])) if (joints.number > 2).any() else 0.0
+    return np.asarray(1 / (1 + miss / (AMISS * usual))) if usual > 0 else np.ones(len(miss))
 
 
 @njit(cache=True, nogil=True)
