@@ -28,9 +28,10 @@ bench: $(READY)  ## the figures of docs/benchmarks.md, anew (half an hour)
 	$(BIN)/python -m pip install --quiet --editable '.[bench]'
 	$(BIN)/python benchmarks/run_all.py
 
-docs: $(READY)  ## docs/cli.md and the README's picture, anew
+docs: $(READY)  ## docs/cli.md and the pictures, anew
 	$(BIN)/python docs/make_cli.py
 	$(BIN)/python docs/make_picture.py
+	$(BIN)/python docs/make_solver_picture.py
 
 clean:
 	rm -rf $(VENV) build dist .pytest_cache .ruff_cache .mypy_cache

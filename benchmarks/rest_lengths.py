@@ -148,10 +148,16 @@ def factored(xy: np.ndarray, sticks: Sticks) -> SuperLU:
     return splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
 
 
-def with_bending(case: Case, edge_rest: np.ndarray) -> np.ndarray:
-    """Lengths of all sticks from those of the edges."""
+def with_bending(case: Case, edge_rest: np.ndarray, turned: np.ndarray | None) -> np.ndarray:
+    """Lengths of all sticks from those of the edges, and from which faces noise has turned over."""
     inner = np.flatnonzero(case.topology.edge_uses == 2).astype(np.int32)
-    return np.concatenate([edge_rest, unfolded_distance(edge_rest, inner, case.mesh.faces, case.topology)])
+    return np.concatenate([edge_rest, unfolded_distance(edge_rest, inner, case.mesh.faces, case.topology, turned)])
+
+
+def truly_turned(case: Case) -> np.ndarray:
+    """Faces whose feet run clockwise on the sheet; pages have y down."""
+    a, b, c = (case.feet_xy[case.mesh.faces[:, k]] for k in range(3))
+    return (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0] > 0
 
 
 def row(name: str, kind: str) -> str:
@@ -161,14 +167,14 @@ def row(name: str, kind: str) -> str:
     smoothed = smooth_lengths(case.mesh.points, case.mesh.faces, case.topology)
     seconds = perf_counter() - start
     factor = factored(case.truth_xy, sticks)
-    floor, _ = judged(case, distances(case.feet_xy, case.topology.edges), sticks, factor)
-    raw, raw_size = judged(case, distances(case.mesh.points, case.topology.edges), sticks, factor)
-    rms, size = judged(case, smoothed.rest, sticks, factor)
+    floor, _ = judged(case, distances(case.feet_xy, case.topology.edges), truly_turned(case), sticks, factor)
+    raw, raw_size = judged(case, distances(case.mesh.points, case.topology.edges), None, sticks, factor)
+    rms, size = judged(case, smoothed.rest, smoothed.turned, sticks, factor)
     times = f"{rms / floor:.1f}" if floor > 0.001 else ""
     known = ""
     if case.eye is not None:
         told = smooth_lengths(case.mesh.points, case.mesh.faces, case.topology, eye=case.eye)
-        known = f"{judged(case, told.rest, sticks, factor)[0]:.3f}"
+        known = f"{judged(case, told.rest, told.turned, sticks, factor)[0]:.3f}"
     return (
         f"| {name} | {kind} | {len(case.truth_xy):,} | {floor:.3f} | {raw:.3f} | {raw_size:+.3f} | **{rms:.3f}** "
         f"| {times} | {size:+.3f} | {known} | {smoothed.typical_noise_mm:.3f} | {smoothed.smoothing.name.lower()} "
@@ -176,9 +182,11 @@ def row(name: str, kind: str) -> str:
     )
 
 
-def judged(case: Case, edge_rest: np.ndarray, sticks: Sticks, factor: SuperLU) -> tuple[float, float]:
+def judged(
+    case: Case, edge_rest: np.ndarray, turned: np.ndarray | None, sticks: Sticks, factor: SuperLU
+) -> tuple[float, float]:
     """Rms error [mm] and error of the size [%] of the layout that lengths of the edges lead to."""
-    x = solved(case.truth_xy, sticks, with_bending(case, edge_rest), factor)
+    x = solved(case.truth_xy, sticks, with_bending(case, edge_rest, turned), factor)
     return rigid_rms(x, case.truth_xy), 100 * (span(x) / span(case.truth_xy) - 1)
 
 
