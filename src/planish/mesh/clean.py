@@ -109,7 +109,7 @@ def _usable(points: Floats, faces: Ints, warnings: list[str]) -> Ints:
         rows = rows[good]
     if not len(rows):
         raise InputError("no face of the scan has three different, finite points")
-    low, high = bounds(points[faces[rows]].reshape(-1, 3))
+    low, high = bounds(points[_used(faces[rows], len(points))])
     extent = (high - low).max()
     if not np.isfinite(extent) or extent > 1e100:
         raise InputError(f"the scan is {extent:.3g} mm wide; these cannot be millimetres of paper")
@@ -183,7 +183,7 @@ def _weld(points: Floats, faces: Ints, topo: Topology, warnings: list[str]) -> t
 
 def _disks_short(faces: Ints, topo: Topology) -> int:
     """How much the Euler number of a mesh falls short of that of as many plain sheets as it has pieces."""
-    used = len(np.unique(faces))
+    used = np.count_nonzero(_used(faces, int(faces.max()) + 1))
     pieces = int(pieces_and_winding(faces, topo)[0].max()) + 1
     return pieces - (used - len(topo.edges) + len(faces))
 
@@ -258,7 +258,7 @@ def _assemble(
     new, source = _own_points(new, piece, len(points))
     place = np.full(len(points), -1, np.int32)
     place[source[::-1]] = np.arange(len(source) - 1, -1, -1, dtype=np.int32)
-    shared = len(source) - len(np.unique(source))
+    shared = len(source) - np.count_nonzero(place >= 0)
     if shared:
         warnings.append(
             f"{shared:,} points are where pieces touch in a point only; they lie with one piece, and in the flat mesh "
@@ -285,6 +285,13 @@ def _assemble(
         warnings.append(f"the scan is in {pieces} pieces; each is flattened, and all are laid on one page")
     cleaned = Scan(mesh, scan.photo, photo_xy, scan.camera, scan.icc)
     return Cleaned(cleaned, topo, place, pieces, max(loops - pieces, 0), warnings)
+
+
+def _used(faces: Ints, count: int) -> Bools:
+    """(count,) whether each point is a corner of some face."""
+    used = np.zeros(count, bool)
+    used[faces.ravel()] = True
+    return used
 
 
 def _own_points(faces: Ints, piece: Ints, count: int) -> tuple[Ints, Ints]:
