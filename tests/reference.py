@@ -29,3 +29,26 @@ def verlet_step(x, before, pairs, rest, dt, gravity, rounds):
             x[j] = x[j] - correction
         x[:, 2] = np.maximum(x[:, 2], 0)
     return x, before
+
+
+def euler_step(x, v, pairs, rest, settings):
+    """One explicit step of masses on springs above the plane: eq. (2), (4), (5), in plain words."""
+    s = settings
+    force = s.mass * (np.array([0, 0, -s.gravity]) - s.drag * v)
+    for (i, j), r in zip(pairs, rest, strict=True):
+        arm = x[j] - x[i]
+        length = np.linalg.norm(arm)
+        along = arm / length
+        pull = s.stiffness * (length - r) + s.damping * (v[j] - v[i]) @ along
+        force[i] += pull * along
+        force[j] -= pull * along
+    after = x + v * s.time_step
+    faster = v + force / s.mass * s.time_step
+    for i in np.flatnonzero(after[:, 2] < 0):
+        since = after[i, 2] / v[i, 2]  # the contact
+        built_up = abs(force[i, 2]) / s.mass * s.time_step
+        up = 0.0 if -v[i, 2] <= 2 * built_up else -s.restitution * v[i, 2]
+        after[i, 2] = since * up
+        faster[i, 2] = up + force[i, 2] / s.mass * since
+    faster[(after[:, 2] == 0) & (faster[:, 2] < 0), 2] = 0
+    return after, faster

@@ -9,7 +9,7 @@ from planish.settings import FlattenSettings
 from planish.types import Mesh, Outcome, Scan
 from shapes import arch, grid, rigid_rms
 
-METHODS = ["multigrid", "verlet"]
+METHODS = ["multigrid", "verlet", "mass-spring"]
 UV, FACES = grid(24, 18)
 RADIUS = 90.0  # bent by 64 degrees to either side; an arch past the vertical may fold its legs in when it falls
 CHORDS = 2 * RADIUS * 17 * np.sin(200 / 17 / (2 * RADIUS)) / 200  # seventeen chords of the arc are all the mesh knows
@@ -32,13 +32,18 @@ def rotation(seed):
 # Solvers stop at a tolerance: what changes nothing in exact numbers may move the stop by so much of 200 x 280 mm.
 SAME = 0.01
 
+# The springs of mass-spring are chords of a mesh of its own, which cut the corners between the facets of the scan. A
+# cell of c mm loses c turn^2 / 12 at a corner of `turn` rad: 17 corners of 0.13 rad, cells of 7 mm (10 over two sheets)
+# and longer on the slopes make 0.2 mm (0.3) in 200, which is 0.06 mm (0.1) rms.
+TRUE = {"multigrid": 2e-3, "verlet": 2e-3, "mass-spring": 0.13}
+
 
 @pytest.mark.parametrize("method", METHODS)
 class TestContract:
     def test_a_bent_sheet_comes_out_flat_and_true(self, method):
         done, page = flat(arch(UV, RADIUS), method=method)
         assert done.outcome is Outcome.SETTLED
-        assert rigid_rms(page, UV * [CHORDS, -1]) < 2e-3
+        assert rigid_rms(page, UV * [CHORDS, -1]) < TRUE[method]
         assert page.min() == pytest.approx(0)
         assert done.strain[0] < 1e-4
 
@@ -88,7 +93,7 @@ class TestContract:
         both = np.r_[sheet, sheet + np.array([500, 0, 0])]
         _, page = flat(both, np.r_[FACES, FACES + len(UV)], method=method)
         for half in (page[: len(UV)], page[len(UV) :]):
-            assert rigid_rms(half, UV * [CHORDS, -1]) < 2e-3
+            assert rigid_rms(half, UV * [CHORDS, -1]) < TRUE[method]
 
     def test_one_triangle_is_a_sheet(self, method):
         points = np.array([[0.0, 0, 0], [30, 0, 10], [0, 40, 5]])

@@ -6,7 +6,7 @@ import pytest
 
 from planish.errors import InputError, OutputError
 from planish.io import check_writable, make_folder, write_json
-from planish.io.files import read_bytes, write_bytes, writing, writing_folder
+from planish.io.files import all_or_nothing, read_bytes, write_bytes, writing, writing_folder
 from planish.types import ScanReport
 
 
@@ -168,3 +168,32 @@ def test_a_folder_of_another_kind_is_not_replaced(tmp_path):
         with pytest.raises(OutputError), writing_folder(tmp_path / name):
             pass
     assert names(tmp_path) == ["file", "holiday"]
+
+
+def test_files_written_together_appear_together(tmp_path):
+    (tmp_path / "old").write_bytes(b"before")
+    with all_or_nothing():
+        write_bytes(tmp_path / "old", b"after")
+        write_bytes(tmp_path / "new", b"new")
+        assert (tmp_path / "old").read_bytes() == b"before"
+        assert not (tmp_path / "new").exists()
+    assert (tmp_path / "old").read_bytes() == b"after"
+    assert names(tmp_path) == ["new", "old"]
+
+
+@pytest.mark.parametrize("problem", [OutputError("the third cannot be encoded"), KeyboardInterrupt()])
+def test_one_that_fails_leaves_all_as_they_were(tmp_path, problem):
+    (tmp_path / "old").write_bytes(b"before")
+
+    @all_or_nothing()
+    def written():
+        write_bytes(tmp_path / "old", b"after")
+        write_bytes(tmp_path / "new", b"new")
+        raise problem
+
+    with pytest.raises(type(problem)):
+        written()
+    assert (tmp_path / "old").read_bytes() == b"before"
+    assert names(tmp_path) == ["old"]
+    write_bytes(tmp_path / "new", b"later")  # and afterwards files are written at once again
+    assert names(tmp_path) == ["new", "old"]

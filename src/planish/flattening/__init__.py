@@ -10,24 +10,28 @@ import numpy as np
 
 from planish.flattening.expected import chords_shortfall, expected_error
 from planish.flattening.frame import direction_of_growth, place_on_page, to_page_frame, turned
+from planish.flattening.lattice import Lattice, lattice_springs, lay_lattice
+from planish.flattening.mass_spring import drop
 from planish.flattening.multigrid import relax
 from planish.flattening.overlaps import overlaps
 from planish.flattening.verlet import settle
-from planish.mesh import Topology, carry, local_order, renumbered, stand_on_table, subsample, topology
+from planish.mesh import Topology, bounds, carry, local_order, renumbered, stand_on_table, subsample, topology
 from planish.settings import FlattenSettings
 from planish.sticks import make_sticks, strain
 from planish.types import Flattening, Floats, Mesh, Outcome, Sticks
 
-__all__ = ["direction_of_growth", "flatten", "place_on_page", "relax", "settle", "to_page_frame", "turned"]
+__all__ = ["direction_of_growth", "drop", "flatten", "place_on_page", "relax", "settle", "to_page_frame", "turned"]
 
 PAPER_POINTS = 1000
 """How many of 307,000 points the paper kept, and what its method gets here unless told otherwise."""
+OVERHANG = 0.005
+"""Share of a sheet that may face the table before a mesh laid over it from above is said not to show it."""
 
 Progress = Callable[[float], None]
 
 
 class Solved(NamedTuple):
-    """What a method makes of a sheet; see `Flattening` for the fields."""
+    """What a method makes of a sheet; see `Flattening` for the fields, and `Relaxed` for `at_rest`."""
 
     xy: Floats
     outcome: Outcome
@@ -36,6 +40,7 @@ class Solved(NamedTuple):
     heights: Floats
     passed_points: int
     warnings: tuple[str, ...]
+    at_rest: Floats | None = None
 
 
 def flatten(
@@ -72,25 +77,32 @@ def flatten(
         mesh = renumbered(mesh, order)
         topo = topology(mesh.faces, len(mesh.points))
     count = _points_to_solve(s, len(mesh.points))
-    coarse = subsample(mesh, topo, count) if count < len(mesh.points) else None
+    lattice = lay_lattice(mesh, count) if s.method == "mass-spring" else None
+    coarse = lattice.coarse if lattice else subsample(mesh, topo, count) if count < len(mesh.points) else None
     sheet = mesh if coarse is None else coarse.mesh
     sheet_topo = topo if coarse is None else topology(sheet.faces, len(sheet.points))
     # Between points kept far apart there is next to no noise, but true bends that smoothing would take away.
     lengths = "unfolded" if coarse is not None and s.lengths == "smooth" else s.lengths
-    sticks = make_sticks(sheet, sheet_topo, lengths, eye=eye)
-    solve = _by_verlet if s.method == "verlet" else _by_multigrid
-    solved = solve(sheet, sheet_topo, sticks, s, progress)
+    if lattice:
+        sticks = lattice_springs(lattice, lengths)
+        solved = _by_mass_spring(lattice, sticks, s, progress)
+    else:
+        sticks = make_sticks(sheet, sheet_topo, lengths, eye=eye)
+        solve = _by_verlet if s.method == "verlet" else _by_multigrid
+        solved = solve(sheet, sheet_topo, sticks, s, progress)
     flat = solved.xy if coarse is None else carry(coarse, mesh.points, solved.xy)
-    page_xy, size = place_on_page(flat * [1.0, -1.0])  # y runs down on the page
+    (left, low), (right, top) = bounds(flat)
+    page_xy = np.column_stack([flat[:, 0] - left, top - flat[:, 1]])  # y runs down on the page
     seconds = perf_counter() - start
-    error, local_strain = expected_error(solved.xy, sticks)
+    error, local_strain = expected_error(solved.xy, sticks, solved.at_rest)
     if coarse is not None:
-        error = np.hypot(error, chords_shortfall(sheet, sheet_topo))[coarse.nearest]
+        short = lattice.shortfall_mm if lattice else chords_shortfall(sheet, sheet_topo)
+        error = np.hypot(error, short)[coarse.nearest]
         local_strain = local_strain[coarse.nearest]
     back = slice(None) if order is None else np.argsort(order)
     return Flattening(
         page_xy=page_xy[back],
-        size_mm=size,
+        size_mm=(float(right - left), float(top - low)),
         outcome=solved.outcome,
         method=s.method,
         lengths=lengths,
@@ -113,7 +125,7 @@ def _by_multigrid(
     mesh: Mesh, topo: Topology, sticks: Sticks, settings: FlattenSettings, progress: Progress | None
 ) -> Solved:
     done = relax(mesh, topo, sticks, settings.multigrid, progress)
-    return Solved(done.xy, done.outcome, done.iterations, done.residuals, np.zeros(0), 0, done.warnings)
+    return Solved(done.xy, done.outcome, done.iterations, done.residuals, np.zeros(0), 0, done.warnings, done.at_rest)
 
 
 def _by_verlet(
@@ -137,7 +149,18 @@ def _by_verlet(
     )
 
 
+def _by_mass_spring(lattice: Lattice, springs: Sticks, settings: FlattenSettings, progress: Progress | None) -> Solved:
+    mesh = lattice.coarse.mesh
+    done = drop(Mesh(stand_on_table(mesh)[0], mesh.faces), springs, settings.mass_spring, progress)
+    hidden = (
+        f"{lattice.overhang:.1%} of the sheet faces the table: the regular mesh of mass-spring, laid over it from "
+        "above, does not show that nor what lies below, so the page is wrong there; the other methods flatten it"
+    )
+    warnings = (hidden,) if lattice.overhang > OVERHANG else ()
+    return Solved(done.points[:, :2], done.outcome, len(done.residuals), done.residuals, done.heights, 0, warnings)
+
+
 def _points_to_solve(settings: FlattenSettings, available: int) -> int:
     if settings.points == "auto":
-        return PAPER_POINTS if settings.method == "verlet" else available
+        return available if settings.method == "multigrid" else PAPER_POINTS
     return available if settings.points == "all" else settings.points

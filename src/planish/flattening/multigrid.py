@@ -44,6 +44,8 @@ class Relaxed(NamedTuple):
         Root mean square relative error of the sticks, at the start and after each step.
     warnings : tuple of str
         Sentences for the user.
+    at_rest : (n, 2) float64 [mm]
+        As `xy`, but as the sticks left it, before faces that noise turned over were laid with their printed side up.
     """
 
     xy: Floats
@@ -51,6 +53,7 @@ class Relaxed(NamedTuple):
     iterations: int
     residuals: Floats
     warnings: tuple[str, ...]
+    at_rest: Floats
 
 
 def relax(
@@ -108,13 +111,14 @@ def relax(
     warnings: list[str] = []
     if count > 1:
         xy, warnings = _place(mesh, topology, xy, piece, count, edge, side)
+    at_rest = xy
     xy, flipped = untangle(xy, mesh.faces, topology, rest)  # last, as even a turn can flip a face without area
     if flipped:
         warnings.append(_FLIPPED.format(flipped))
     if outcome is Outcome.SETTLED and residuals[-1] > CRUSHED:
         outcome = Outcome.CRUSHED
     tell(1.0)
-    return Relaxed(xy, outcome, len(residuals) - 1, residuals, tuple(warnings))
+    return Relaxed(xy, outcome, len(residuals) - 1, residuals, tuple(warnings), at_rest)
 
 
 _FLIPPED = (

@@ -7,8 +7,9 @@ import json
 import os
 import secrets
 import shutil
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import asdict, is_dataclass
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,31 @@ _REASONS = {
     errno.EROFS: "the file system is read-only; choose another folder",
     errno.ENAMETOOLONG: "its name is too long",
 }
+
+
+_WAITING: ContextVar[list[tuple[Path, Path]] | None] = ContextVar("_WAITING", default=None)
+"""Finished files and the names that they shall get, inside `all_or_nothing`."""
+
+
+_UNFINISHED: dict[int, Callable[[], None]] = {}
+"""What takes away the files that are being written just now."""
+
+
+def drop_unfinished() -> None:
+    """Take away all that is half-written, for a process that is about to end in the middle of it."""
+    for tidy in list(_UNFINISHED.values()):
+        tidy()
+
+
+@contextmanager
+def _tidied(tidy: Callable[[], None]) -> Iterator[None]:
+    """Tidy at the end of the block, or when the process ends within."""
+    _UNFINISHED[id(tidy)] = tidy
+    try:
+        yield
+    finally:
+        tidy()
+        del _UNFINISHED[id(tidy)]
 
 
 def read_bytes(path: str | Path) -> bytes:
@@ -115,14 +141,55 @@ def writing(path: str | Path) -> Iterator[Path]:
         return
     target = path.resolve()  # through a symbolic link
     beside = target.with_name(f".{target.name[:100]}.{secrets.token_hex(4)}.part")
-    try:
-        with _telling(path):
-            yield beside
-            if target.exists():
-                shutil.copymode(target, beside)
+    waiting, finished = _WAITING.get(), False
+
+    def tidy() -> None:
+        if not finished:
+            beside.unlink(missing_ok=True)
+
+    with _tidied(tidy), _telling(path):
+        yield beside
+        if target.exists():
+            shutil.copymode(target, beside)
+        if waiting is None:
             beside.replace(target)
-    finally:
-        beside.unlink(missing_ok=True)
+        else:
+            waiting.append((beside, target))
+            finished = True
+
+
+@contextmanager
+def all_or_nothing() -> Iterator[None]:
+    """Let the files that are written inside take their places together, at the end; none of them if it ends badly.
+
+    Folders (tifxyz) and pipes are written at once all the same.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     with all_or_nothing():
+    ...         write_bytes(f"{folder}/a.txt", b"one")
+    ...         write_bytes(f"{folder}/b.txt", b"two")
+    ...         before = [path.suffix for path in Path(folder).iterdir()]
+    ...     before, sorted(path.name for path in Path(folder).iterdir())
+    (['.part', '.part'], ['a.txt', 'b.txt'])
+    """
+    waiting: list[tuple[Path, Path]] = []
+
+    def tidy() -> None:
+        for beside, _ in waiting:
+            beside.unlink(missing_ok=True)
+
+    mark = _WAITING.set(waiting)
+    with _tidied(tidy):
+        try:
+            yield
+        finally:
+            _WAITING.reset(mark)
+        for beside, target in waiting:
+            with _telling(target):
+                beside.replace(target)
 
 
 @contextmanager
@@ -141,18 +208,19 @@ def writing_folder(path: str | Path) -> Iterator[Path]:
         raise OutputError(f"{path} is a file, not a folder; give another name")
     beside = target.with_name(f".{target.name[:100]}.{secrets.token_hex(4)}.part")
     before = beside.with_suffix(".before")
-    try:
-        with _telling(path):
-            beside.mkdir()
-            yield beside
-            if target.exists():
-                target.rename(before)
-            beside.rename(target)
-    finally:
+
+    def tidy() -> None:
         if before.exists() and not target.exists():
             before.rename(target)
         shutil.rmtree(beside, ignore_errors=True)
         shutil.rmtree(before, ignore_errors=True)
+
+    with _tidied(tidy), _telling(path):
+        beside.mkdir()
+        yield beside
+        if target.exists():
+            target.rename(before)
+        beside.rename(target)
 
 
 def write_bytes(path: str | Path, data: bytes | Iterable[bytes]) -> None:
