@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from typing import NoReturn
 
 from cyclopts import App, CycloptsError
@@ -31,8 +32,25 @@ app.command("planish.cli.flatten:flatten")
 
 
 def main(arguments: list[str] | None = None) -> NoReturn:
-    """Run the command line and leave with its exit code."""
-    sys.exit(run(arguments))
+    """Run the command line and leave with its exit code.
+
+    The work is done by a second thread, so that Ctrl-C is heard at once, also in the middle of a long kernel, and never
+    raises an exception inside compiled code, which may not survive it.
+    """
+    with ThreadPoolExecutor(1) as worker:
+        try:
+            sys.exit(worker.submit(run, arguments).result())
+        except KeyboardInterrupt:
+            _leave()
+
+
+def _leave() -> NoReturn:
+    """End the process as it is, without waiting for the work, but with the disk and the terminal tidy."""
+    from planish.io.files import drop_unfinished
+
+    drop_unfinished()
+    Console(stderr=True).show_cursor()
+    os._exit(_fail(INTERRUPTED, "interrupted; nothing was half-written"))
 
 
 def run(arguments: list[str] | None = None) -> int:
