@@ -56,15 +56,39 @@ SECTIONS = {
         "within 10 mm of creases; how far a printed picture's mean grey and a stamp's colour are from the true ones. "
         "Each cell: by geometry / from the background alone / not removed.",
     ),
+    "acquire": (
+        "From light to scan",
+        "Virtual devices before the page of a bound book: how true the surface is, and the page restored from it. The "
+        "depth camera has 640 x 480 pixels and a photo of 3 megapixels, the Gray code a camera of 1280 x 1024 and a "
+        "projector of 1280 x 800 pixels; its photo is that of the same camera.",
+    ),
     "expected_error": (
         "The error that the report expects",
         "`flatten.expected_error_mm` beside the true error. Noise that is correlated over several points of the scan "
         "cannot be told from the surface, and is underestimated.",
     ),
+    "page_sense": (
+        "The page's sides, its way up, its spine, its files",
+        "Archives ask for text level to 0.1 degree and for a page of true size. Stray points are those that a scanner "
+        "sets beside an edge.",
+    ),
     "binarized": (
         "Black and white",
         "F1 of ink by method, on pages whose lower half is printed fainter, as the photo shows them (shaded) and after "
         "their shade was removed (even). nick is the default since it keeps faint print beside black print.",
+    ),
+    "sharpness": (
+        "Sharpness of the page",
+        "A slanted edge drawn through a random mesh: how much of the photo's MTF50 is left (at most a tenth may be "
+        "lost at equal resolution); and a photo of one grey, which must not show the mesh.",
+    ),
+    "curled_map": (
+        "A real map, from one photo and from six",
+        "A printed map curled into two waves (Perriollat and Bartoli 2007), 720 x 576 pixels a photo; each misses "
+        "the far sides of the waves. The border of the print is a rectangle in truth. What the blended page has of it "
+        "is what the scanned surface has: its left side is 1.9 % shorter than its right one measured in space, so the "
+        "reconstruction, not the flattening, keeps it from the 0.7 % hoped for. A photo's pixel is 0.6 to 1.4 mm of "
+        "paper; cameras and surface agree to about a third of that.",
     ),
     "rest_lengths": (
         "Rest lengths in spite of noise",

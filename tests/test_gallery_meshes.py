@@ -6,8 +6,8 @@ from scipy import sparse
 
 from planish.errors import UsageError
 from planish.gallery import OUTLINES, sheet, sheet_mesh
-from planish.gallery.meshes import SCANNER_MM, lattice_faces, without_crumbs
-from planish.mesh import topology
+from planish.gallery.meshes import SCANNER_MM
+from planish.mesh import lattice_faces, topology, without_crumbs
 
 LAYOUTS = ("range", "grid", "delaunay")
 

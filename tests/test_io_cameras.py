@@ -46,6 +46,14 @@ def test_lengths_follow_the_unit_of_the_mesh(tmp_path):
     np.testing.assert_allclose(metres.translation, [10, -20, 500])
 
 
+def test_cameras_by_name(tmp_path):
+    moved = OWN | {"translation": [0, 0, 400]}
+    told = {"cameras": {"a.jpg": OWN, "b.jpg": moved}, "note": "both"}
+    np.testing.assert_allclose(camera(tmp_path, told, "a.jpg").translation, [10, -20, 500])
+    np.testing.assert_allclose(camera(tmp_path, told, "b.jpg", mm_per_unit=10.0).translation, [0, 0, 4000])
+    assert camera(tmp_path, {"cameras": {"a.jpg": OWN}}, "other.jpg").shape_rc == (480, 640)  # there is but one
+
+
 @given(seed=st.integers(0, 2**32 - 1), scale=st.sampled_from([1.0, -1.0, 1e-3, -250.0]))
 def test_a_matrix_is_taken_apart(seed, scale, tmp_path_factory):
     rng = np.random.default_rng(seed)
@@ -114,7 +122,10 @@ def without(key):
         (OWN | {"distortion": [1, 2, 3]}, "“distortion” has 3 numbers"),
         ({"P": np.zeros((3, 4)).tolist(), "image_size": [640, 480]}, "belongs to no camera"),
         ({"P": np.eye(3, 4).tolist()}, "does not say “image_size”"),
-        ({"P": {}, "image_size": [640, 480]}, "has no matrix"),
+        ({"P": {}, "image_size": [640, 480]}, "has no camera for"),
+        ({"cameras": {"a.jpg": OWN, "b.jpg": OWN}}, "has no camera for a scan without a photo, but for a.jpg, b.jpg"),
+        ({"cameras": [OWN]}, "must name a camera for each photo's file name"),
+        ({"cameras": {"a.jpg": 3}}, "each of “cameras” must be a camera"),
         ({"focal_px": 1000, "width": 640, "height": 480}, "does not say “cam”"),
         ({"focal_px": -1, "width": 640, "height": 480, "cam": [0, 0, 1]}, "above 0 is wanted"),
     ],

@@ -6,7 +6,7 @@ import pytest
 from PIL import Image, ImageCms
 
 from planish.errors import OutputError
-from planish.io import check_page_name, read_photo, write_page, write_pages
+from planish.io import check_page_name, page_names, read_photo, write_page, write_pages
 from planish.types import Page
 from samples import picture
 
@@ -119,6 +119,27 @@ def test_formats_of_one_page_refuse_more(tmp_path):
             write_pages(tmp_path / name, [page_of(PIXELS["grey"])] * 2)
     with pytest.raises(OutputError, match="no page to write"):
         write_pages(tmp_path / "book.tif", [])
+
+
+def test_names_of_the_files_of_several_pages():
+    for name, names in [
+        ("a.png", ["a-1.png", "a-2.png"]),
+        ("b.c.JPG", ["b.c-1.JPG", "b.c-2.JPG"]),
+        ("a.pdf", ["a.pdf"]),
+    ]:
+        assert [path.name for path in page_names(name, 2)] == names
+        assert [path.name for path in page_names(name, 1)] == [name]
+
+
+def test_a_tiff_of_many_strips_keeps_every_pixel(tmp_path):
+    """8 MB: each core has several strips, and the last is shorter."""
+    pixels = np.random.default_rng(0).integers(0, 65536, (1003, 701, 3), np.uint16)
+    pixels[100:900] //= 256
+    write_page(tmp_path / "page.tif", page_of(pixels))
+    np.testing.assert_array_equal(read_photo(tmp_path / "page.tif").pixels, pixels)
+    write_page(tmp_path / "page.tif", page_of((pixels // 257).astype(np.uint8)))
+    with Image.open(tmp_path / "page.tif") as image:  # by libtiff
+        np.testing.assert_array_equal(np.asarray(image), pixels // 257)
 
 
 def test_a_page_longer_than_a_jpeg_can_be(tmp_path):

@@ -373,6 +373,71 @@ def test_names_of_flat_meshes():
         check_flat_name("flat.stl")
 
 
+# Several photos
+
+
+def two_photos(folder):
+    """A sheet with photos a.png and b.png, whose cameras are in both.json, a.json and b.json."""
+    scan = sheet_scan()
+    write_scan(folder / "sheet.ply", Scan(scan.mesh))
+    cameras = {}
+    for name, height in (("a", 500.0), ("b", 700.0)):
+        Image.fromarray(picture() + np.uint8(name == "b")).save(folder / f"{name}.png")
+        above = {"focal_px": 300, "width": 60, "height": 40, "cam": [100, -140, height]}
+        cameras[f"{name}.png"] = above
+        (folder / f"{name}.json").write_text(json.dumps(above))
+    (folder / "both.json").write_text(json.dumps({"cameras": cameras}))
+    return folder / "sheet.ply", [folder / "a.png", folder / "b.png"]
+
+
+def test_several_photos_with_one_camera_file_or_one_each(tmp_path):
+    sheet, photos = two_photos(tmp_path)
+    one = read_scan(sheet, photo=photos, camera=tmp_path / "both.json")
+    each = read_scan(sheet, photo=photos, camera=[tmp_path / "a.json", tmp_path / "b.json"])
+    for found in (one, each):
+        (other,) = found.scan.others
+        np.testing.assert_array_equal(found.scan.photo, picture())
+        np.testing.assert_array_equal(other.photo, picture() + np.uint8(1))
+        assert found.scan.camera.translation[2] == 500
+        assert other.camera.translation[2] == 700
+        assert found.warnings == []
+    assert one.sources == (sheet, *photos, tmp_path / "both.json")
+    assert each.sources == (sheet, *photos, tmp_path / "a.json", tmp_path / "b.json")
+    turned = read_scan(sheet, photo=photos[::-1], camera=tmp_path / "both.json").scan
+    assert turned.camera.translation[2] == 700
+
+
+def test_photos_and_cameras_that_do_not_match(tmp_path):
+    sheet, (a, b) = two_photos(tmp_path)
+    cam_a, cam_b, both = (tmp_path / name for name in ("a.json", "b.json", "both.json"))
+    for photos, cameras, said in (
+        ([a, b], None, "2 photos were given and no camera"),
+        ([a, a], both, "a.png was given twice"),
+        ([a, b], cam_a, "a.json holds one camera, but 2 photos were given"),
+        ([a], [cam_a, cam_b], "1 photo and 2 cameras were given"),
+        (None, [cam_a, cam_b], "no photos and 2 cameras were given"),
+    ):
+        with pytest.raises(InputError, match=said):
+            read_scan(sheet, photo=photos, camera=cameras)
+
+
+def test_a_further_photo_of_the_wrong_size(tmp_path):
+    sheet, photos = two_photos(tmp_path)
+    Image.fromarray(picture(20, 30)).save(photos[1])
+    with pytest.raises(InputError, match=r"b\.png is 30 x 20 pixels, but .*both\.json is for a photo of 60 x 40"):
+        read_scan(sheet, photo=photos, camera=tmp_path / "both.json")
+
+
+def test_a_further_photo_with_another_colour_profile(tmp_path):
+    from PIL import ImageCms
+
+    sheet, photos = two_photos(tmp_path)
+    profile = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
+    Image.fromarray(picture()).save(photos[1], icc_profile=profile)
+    (said,) = read_scan(sheet, photo=photos, camera=tmp_path / "both.json").warnings
+    assert "b.png has another colour profile than the first photo" in said
+
+
 # Real captures
 
 

@@ -65,6 +65,22 @@ def test_pixel_centres(dpi):
     np.testing.assert_allclose(found[:, inner], np.tile(expected[inner], (len(found), 1)), atol=4.5e-4)
 
 
+@pytest.mark.parametrize("times", [12, 30])
+def test_photo_many_times_as_fine(times):
+    """The part of the photo under a tile of the page is too large to be held at once, at 30 even of a small one."""
+    size = 1800
+    light = np.tile(np.linspace(0.05, 0.95, size), (size, 1))
+    photo = grey(code_values(np.dtype(np.uint16))[np.rint(light * 65535).astype(int)], np.uint16)
+    scan, page_xy = flat_scan(photo, 180.0, 180.0)
+    page = draw(scan, page_xy, (180.0, 180.0), RenderSettings(dpi=254 / times)).page
+    assert page.known.all()
+    x_px = (np.arange(page.pixels.shape[1]) + 0.5) * times - 0.5
+    found = linear_light(65536)[page.pixels[..., 1]]
+    inner = slice(4, -4)  # the filter reaches three page pixels
+    expected = np.tile(0.05 + 0.9 * x_px / (size - 1), (len(found), 1))
+    np.testing.assert_allclose(found[inner, inner], expected[inner, inner], atol=1e-4)  # a twentieth of a page pixel
+
+
 def test_turned_photo():
     """A quarter turn of the photo changes nothing but the photo places."""
     rng = np.random.default_rng(1)
@@ -321,7 +337,7 @@ def test_bands_equal_the_whole(monkeypatch):
     rng = np.random.default_rng(5)
     scan, page_xy = flat_scan(rng.integers(0, 256, (300, 200, 3), np.uint8), 20.0, 30.0)
     whole = draw(scan, page_xy, (20.0, 30.0), RenderSettings(dpi=300)).page
-    monkeypatch.setattr(sys.modules["planish.render.draw"], "BAND_PIXELS", 1000)
+    monkeypatch.setattr(sys.modules["planish.render.paint"], "BAND_PIXELS", 1000)
     bands = draw(scan, page_xy, (20.0, 30.0), RenderSettings(dpi=300)).page
     assert (whole.pixels == bands.pixels).all()
     assert (whole.known == bands.known).all()

@@ -92,6 +92,14 @@ def test_what_was_not_seen_says_nothing():
     assert upright_turn(turned(Page(pixels, known, page.dpi), 180))[0] == 180
 
 
+def creased():
+    """A blank sheet with the broken shade of a fold across it."""
+    page = np.full((1200, 900), 250)
+    for k in range(18):
+        page[600 + k % 4 : 604 + k % 4, 50 * k : 50 * k + 50] = 60
+    return page
+
+
 def ruled():
     page = np.full((800, 600), 255)
     page[100:700:40, 50:550] = 0
@@ -106,9 +114,10 @@ def ruled():
         np.full((600, 400), 230),
         np.zeros((600, 400)),
         ruled(),
+        creased(),
         cv2.GaussianBlur(np.random.default_rng(0).normal(128, 900, (800, 600)), (0, 0), 4).clip(0, 255),
     ],
-    ids=["one pixel", "blank", "black", "squared", "clouds"],
+    ids=["one pixel", "blank", "black", "squared", "creased", "clouds"],
 )
 def test_without_lines_of_text_a_page_stays_as_it_is(pixels):
     degrees, confidence = skew_degrees(page_of(pixels))

@@ -10,8 +10,9 @@ from planish.errors import UsageError
 from planish.mesh import code_values, linear_light
 from planish.settings import ShadingSettings
 from planish.shading import unshade
-from planish.shading.light import fit, robust
+from planish.shading.light import Light, fit, robust, robust_slope
 from planish.shading.shadow import lit
+from planish.shading.surface import Surface, coarse_mesh
 from planish.types import Mesh, Page, Scan
 from shapes import grid
 
@@ -165,7 +166,21 @@ def test_clipped_pixels_are_marked_and_not_believed(sheet, shape):
     assert 0.1 < full.mean() < 0.9
     assert (made.clipped == full).all()
     assert made.fit.clipped_share == pytest.approx(full.mean())
+    assert "clipped in the photo" in made.fit.warnings[0]
+    assert unshade(photographed(paper), *sheet).fit.warnings == ()
     assert np.linalg.norm(np.array(made.fit.lamp_mm) - LAMP) < 60  # found from half the page
+
+
+def test_the_light_that_was_divided_out_is_given(sheet, shape):
+    """Cell by cell it is what blank paper of this page shows."""
+    made = unshade(photographed(text(shape)[0], tint=(1.0, 0.9, 0.72)), *sheet)
+    middle = (np.arange(max(made.light.shape[:2])) + 0.5) * made.cell_px - 0.5
+    rows, cols = (
+        np.clip(np.rint(middle[:n]), 0, m - 1).astype(int) for n, m in zip(made.light.shape, shape, strict=False)
+    )
+    true = WHITE_LEVEL * irradiance(*bend(page_places()))[np.ix_(rows, cols)][..., None] * [1.0, 0.9, 0.72]
+    # a cell is two pixels wide, so half a pixel of a light that changes by a percent a millimetre; and noise
+    assert np.quantile(np.abs(made.light / true - 1), 0.99) < 0.02
 
 
 # --- shadows --------------------------------------------------------------------------------------------------------
@@ -195,6 +210,76 @@ def test_shadow_of_a_wall():
     assert (share[(x < -4) | (x > 24)] == 1).all()
 
 
+def valley(page_xy):
+    """Two leaves that rise by 40 degrees from a fold in the middle of the page: places in space, and normals."""
+    slope = np.radians(40.0)
+    beside = page_xy[..., 0] - WIDTH / 2
+    points = np.stack([beside * np.cos(slope), -page_xy[..., 1], np.abs(beside) * np.sin(slope)], axis=-1)
+    normals = np.stack([-np.sign(beside) * np.sin(slope), 0 * beside, 0 * beside + np.cos(slope)], axis=-1)
+    return points, normals
+
+
+def test_a_picture_across_a_cast_shadow_is_not_made_brighter(shape):
+    """The left leaf throws its shadow on the right one; there the light is in doubt, but a grey picture is no paper."""
+    page_xy, faces = grid(81, 61, WIDTH, HEIGHT)
+    points, normals = valley(page_xy)
+    mesh = Mesh(points, faces[:, ::-1])
+    lamp, places = np.array([-300.0, -HEIGHT / 2, 120.0]), page_places()
+    at, turned = valley(places)
+    share = lit(mesh, lamp, at, turned)
+    way = lamp - at
+    distance = np.linalg.norm(way, axis=2)
+    facing = np.maximum((turned * way).sum(axis=2) / distance, 0)
+    shine = 0.35 + share * facing * (300 / distance) ** 2
+    assert 0.15 < (share[:, shape[1] // 2 :] == 0).mean() < 0.6  # the shadow's edge runs over the right leaf
+    paper, blank = text(shape, ink=0.2)  # too pale to be made black
+    top, bottom, left = shape[0] // 4, 3 * shape[0] // 4, round(0.56 * shape[1])
+    paper[top - 8 : bottom + 8, left - 8 : -12] = 1
+    blank[top - 8 : bottom + 8, left - 8 :] = False
+    paper[top:bottom, left:-20] = 0.4
+    light = np.clip(0.8 * paper * shine / shine.max(), 0, 1)
+    codes = code_values(np.dtype(np.uint8))[np.rint(light * 65535).astype(int)]
+    page = Page(np.repeat(codes[..., None], 3, axis=2), np.ones(shape, bool), DPI)
+    made = unshade(page, Scan(mesh), page_xy, normals)
+    assert evenness(page, blank) > 20
+    assert made.fit.unevenness < 0.01
+    grey = linear_light(256)[np.asarray(made.page.pixels)[top:bottom, left:-20, 0]]
+    # no lamp can be told from a picture alone, so the shadow on it may stay; it is never taken for dark paper
+    assert np.quantile(grey, 0.99) < 1.1 * 0.4
+    assert grey[share[top:bottom, left:-20] == 1].mean() == pytest.approx(0.4, rel=0.05)
+
+
+@pytest.mark.parametrize("aside", [0.0, 0.13])
+def test_no_line_is_left_at_a_sharp_crease(shape, aside):
+    """Its two sides share a cell, or meet between two; strokes across it stay black."""
+    fold = np.array([aside, 0.0])
+    page_xy, faces = grid(81, 61, WIDTH, HEIGHT)
+    page_xy[:, 0] = np.where(page_xy[:, 0] == WIDTH / 2, WIDTH / 2 + aside, page_xy[:, 0])  # a row of points on it
+    points, normals = valley(page_xy - fold)
+    at, turned = valley(page_places() - fold)
+    shine = irradiance(at, turned)
+    sides = [shine[:, round(WIDTH / 2 * DPI / 25.4) + k].mean() for k in (-3, 3)]
+    assert abs(np.log(sides[0] / sides[1])) > 0.4
+    paper = np.ones(shape)
+    paper[300:304, 150:320] = 0.05
+    codes = code_values(np.dtype(np.uint8))[np.rint(0.7 * paper * shine / shine.max() * 65535).astype(int)]
+    page = Page(np.repeat(codes[..., None], 3, axis=2), np.ones(shape, bool), DPI)
+    made = np.asarray(unshade(page, Scan(Mesh(points, faces[:, ::-1])), page_xy, normals).page.pixels)
+    assert made[10:290, 40:-40].min() >= 250  # without the seam a line of 231 would stay
+    assert made[301:303, 160:310].max() < 90  # from 63 before black is made black; a stroke is never taken for a seam
+
+
+def test_a_coarse_mesh_leaves_out_what_is_not_known():
+    places = np.stack(np.meshgrid(np.arange(13.0), np.arange(10.0)), axis=-1)
+    points = np.concatenate([places, np.zeros((10, 13, 1))], axis=2)
+    known = np.ones((10, 13), bool)
+    known[3, 6] = False
+    mesh = coarse_mesh(Surface(points, 0 * points, 0 * known, known), 3)
+    assert len(mesh.points) == 4 * 5 - 1
+    assert len(mesh.faces) == 2 * 3 * 4 - 6  # of an inner point six faces are missing
+    assert np.ptp(mesh.points, axis=0).tolist() == [12, 9, 0]
+
+
 # --- robustness -----------------------------------------------------------------------------------------------------
 
 
@@ -208,6 +293,27 @@ def test_light_is_fitted_to_the_brightest_kind_of_cell():
     light = fit(points, normals, np.zeros(3000), bright)
     error = light.log_brightness(points, normals, np.zeros(3000)) - np.log(shine)
     assert np.abs(error).max() < 0.02
+
+
+def test_slopes_of_the_light_are_its_differences():
+    rng = np.random.default_rng(1)
+    points, normals = bend(rng.uniform(0, 1, (60, 2)) * [WIDTH, HEIGHT])
+    off_axis = rng.uniform(0, 1, 60)
+    numbers = np.array([1.9, -0.4, 0.2, -0.2, -1.0, 0.3, 0.2, 0.1, -2.0])  # a low lamp: some points turn their back
+    found, slopes = Light(MIDDLE, 200.0, numbers).with_slopes(points, normals, off_axis)
+    for k in range(9):
+        step = 1e-6 * (np.arange(9) == k)
+        above, below = (
+            Light(MIDDLE, 200.0, numbers + s).log_brightness(points, normals, off_axis) for s in (step, -step)
+        )
+        np.testing.assert_allclose(slopes[:, k], (above - below) / 2e-6, atol=1e-7)
+    np.testing.assert_array_equal(found, Light(MIDDLE, 200.0, numbers).log_brightness(points, normals, off_axis))
+
+
+def test_slope_of_the_robust_residual():
+    residual = np.linspace(-1, 1, 40)  # without 0, where it bends
+    above, below = robust(residual + 1e-6, 0.05), robust(residual - 1e-6, 0.05)
+    np.testing.assert_allclose(robust_slope(residual, 0.05), (above - below) / 2e-6, atol=1e-6)
 
 
 def test_what_is_darker_than_paper_pulls_less_than_what_is_brighter():

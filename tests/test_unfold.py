@@ -157,8 +157,8 @@ def test_a_cluster_that_came_out_crumpled_is_outvoted():
         clusters = lay_out_clusters(faces, found, rest, len(truth), run)
     whole = gather(clusters, *join(clusters)[:2])
     inner = clusters.cluster == np.bincount(clusters.cluster).argmax()
-    crumpled = clusters._replace(place=clusters.place + np.where(inner, rng.normal(0, 5, len(inner)), 0))
+    crumpled = clusters._replace(place=clusters.place + np.where(inner, rng.normal(0, 20, len(inner)), 0))
     point = np.repeat(np.arange(len(truth)), np.diff(clusters.start))
     others = np.setdiff1d(point, point[inner])
     moved = rigid_rms(gather(crumpled, *join(crumpled)[:2])[others], whole[others])
-    assert moved < 0.03  # 0.3 mm if all joints counted alike
+    assert moved < 0.5  # 1.6 mm if all joints counted alike

@@ -17,20 +17,36 @@ from typing import TYPE_CHECKING
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from planish import gallery
+    from planish import gallery, photo
     from planish.errors import InputError, OutputError, PlanishError, UsageError
-    from planish.io import read_camera, read_photo, read_scan, write_flat, write_json, write_page, write_scan
+    from planish.io import (
+        read_camera,
+        read_photo,
+        read_scan,
+        write_flat,
+        write_json,
+        write_page,
+        write_pages,
+        write_scan,
+    )
     from planish.pipeline import flatten, restore
+    from planish.render import split
     from planish.settings import FlattenSettings, RenderSettings, RestoreSettings
     from planish.types import Camera, Flattening, Mesh, Outcome, Page, Report, Restoration, Scan
 
 _WHERE = {
     "gallery": "planish.gallery",
+    "photo": "planish.photo",
     **dict.fromkeys(("InputError", "OutputError", "PlanishError", "UsageError"), "planish.errors"),
     **dict.fromkeys(
-        ("read_camera", "read_photo", "read_scan", "write_flat", "write_json", "write_page", "write_scan"), "planish.io"
+        (
+            *("read_camera", "read_photo", "read_scan"),
+            *("write_flat", "write_json", "write_page", "write_pages", "write_scan"),
+        ),
+        "planish.io",
     ),
     **dict.fromkeys(("flatten", "restore"), "planish.pipeline"),
+    "split": "planish.render",
     **dict.fromkeys(("FlattenSettings", "RenderSettings", "RestoreSettings"), "planish.settings"),
     **dict.fromkeys(
         ("Camera", "Flattening", "Mesh", "Outcome", "Page", "Report", "Restoration", "Scan"), "planish.types"
@@ -55,13 +71,16 @@ __all__ = [
     "UsageError",
     "flatten",
     "gallery",
+    "photo",
     "read_camera",
     "read_photo",
     "read_scan",
     "restore",
+    "split",
     "write_flat",
     "write_json",
     "write_page",
+    "write_pages",
     "write_scan",
 ]
 
@@ -71,7 +90,7 @@ def __getattr__(name: str) -> object:
     if name not in _WHERE:
         raise AttributeError(f"module 'planish' has no attribute {name!r}")
     module = import_module(_WHERE[name])
-    found = module if name == "gallery" else getattr(module, name)
+    found = module if name in ("gallery", "photo") else getattr(module, name)
     globals()[name] = found
     return found
 

@@ -13,22 +13,55 @@ from planish.binarize import binarize
 from planish.flattening import direction_of_growth, to_page_frame, turned
 from planish.flattening import flatten as lay_flat
 from planish.mesh import Cleaned, clean, to_file_order
-from planish.render import Rendered, draw, project, skew_degrees, upright_turn
+from planish.render import (
+    SURE,
+    Rendered,
+    draw,
+    find_spine,
+    missing_parts,
+    preview,
+    project,
+    skew_degrees,
+    spine_of,
+    upright_turn,
+)
 from planish.render.viewpoint import viewpoint
-from planish.report import account
-from planish.settings import FlattenSettings, RestoreSettings, Rotation
+from planish.report import account, guideline
+from planish.settings import FlattenSettings, Pages, RestoreSettings, Rotation
 from planish.shading import ShadingFit, unshade
 from planish.sticks import smooth_normals
-from planish.types import Flattening, Floats, Ints, Mesh, Page, PageReport, Restoration, Scan, ShadingReport
+from planish.types import (
+    Flattening,
+    Floats,
+    Ints,
+    Mesh,
+    Page,
+    PageReport,
+    PartReport,
+    Restoration,
+    Scan,
+    ShadingReport,
+    Spine,
+)
 
+SENSE_DPI = 150.0
+"""Of the quick page that is looked at to find which way the text runs."""
 LEVEL = 0.1
 """Degrees by which lines of text may lean before the page is turned: a millimetre over 500."""
 
 Progress = Callable[[str, float], None]
 """Told the name of the stage and the share of it that is done."""
 
+WayUp = Callable[[Page], int | None]
+"""Shown a page, tells by how many degrees it must be turned clockwise to stand upright; None where it cannot tell."""
 
-def restore(scan: Scan, settings: RestoreSettings | None = None, progress: Progress | None = None) -> Restoration:
+
+def restore(
+    scan: Scan,
+    settings: RestoreSettings | None = None,
+    progress: Progress | None = None,
+    way_up: WayUp | None = None,
+) -> Restoration:
     """Flatten a scan and draw its page.
 
     Parameters
@@ -38,6 +71,8 @@ def restore(scan: Scan, settings: RestoreSettings | None = None, progress: Progr
     settings : RestoreSettings, optional
     progress : callable, optional
         Told (stage, share done) now and then.
+    way_up : callable, optional
+        A second voice, asked where the shapes of the letters do not tell which way up the page is.
 
     Raises
     ------
@@ -62,31 +97,49 @@ def restore(scan: Scan, settings: RestoreSettings | None = None, progress: Progr
         flat = lay_flat(sheet.mesh, cleaned.topology, s.flatten, tell, eye=eye)
     with stage("turn"):
         flat = _the_right_way_round(cleaned, flat, s.rotate)
-    rendered = unshaded = binary = None
+        if s.pages != "1" and s.rotate == "auto":
+            flat = _with_its_spine_upright(cleaned, flat)
+    rendered = unshaded = binary = spine = None
     if scan.photo is not None:
+        if s.rotate == "auto":
+            with stage("turn"):
+                look = preview(cleaned.scan, flat.page_xy, flat.size_mm, SENSE_DPI)
+                flat = _as_its_text_reads(flat, look, way_up)
         with stage("render"):
             rendered = draw(cleaned.scan, flat.page_xy, flat.size_mm, s.render)
-        with stage("turn"):
-            upright = _as_its_text_reads(flat, rendered.page) if s.rotate == "auto" else flat
-        if upright is not flat:
-            flat = upright
-            with stage("render"):
-                rendered = draw(cleaned.scan, flat.page_xy, flat.size_mm, s.render)
+        if s.pages != "1":
+            with stage("split"):
+                spine = spine_of(cleaned.scan.mesh, flat.page_xy, rendered.page, certainly=s.pages == "2")
         if s.shading.shading != "none":
             with stage("unshade"):
-                normals = smooth_normals(cleaned.scan.mesh, cleaned.topology)
+                normals = flat.normals
+                if normals is None:
+                    normals = smooth_normals(cleaned.scan.mesh, cleaned.topology)
                 unshaded = unshade(rendered.page, cleaned.scan, flat.page_xy, normals, s.shading)
         if s.binarize.binarize != "none":
             with stage("binarize"):
                 binary = binarize(unshaded.page if unshaded else rendered.page, s.binarize)
     with stage("measure"):
         warnings = [*cleaned.warnings, *flat.warnings, *(unshaded.fit.warnings if unshaded else ())]
+        warnings += _said_of_pages(spine, s.pages) if rendered else []
         report = account(scan, cleaned, flat, _page_report(flat, rendered), stage.seconds, warnings)
     if unshaded:
         report = replace(report, shading=_shading_report(unshaded.fit))
+    if rendered:
+        report = replace(report, pages=_part_reports(flat, spine), spine=spine)
+    report = replace(report, guideline=guideline(report))
     report = replace(report, seconds=stage.seconds, seconds_total=sum(stage.seconds.values()))
     flat = _in_file_order(cleaned, scan, flat)
-    return Restoration(flat, rendered.page if rendered else None, unshaded.page if unshaded else None, binary, report)
+    return Restoration(
+        flat,
+        rendered.page if rendered else None,
+        unshaded.page if unshaded else None,
+        binary,
+        report,
+        clipped=unshaded.clipped if unshaded else None,
+        light=unshaded.light if unshaded else None,
+        ppi=rendered.resolution.ppi if rendered else None,
+    )
 
 
 def flatten(
@@ -159,7 +212,9 @@ def _with_photo_places(scan: Scan) -> Scan:
     return replace(scan, photo_xy=project(scan.camera, scan.mesh.points))
 
 
-def _the_right_way_round(cleaned: Cleaned, flat: Flattening, rotate: Rotation) -> Flattening:
+def _the_right_way_round(
+    cleaned: Cleaned, flat: Flattening, rotate: Rotation, long_side_upright: bool = True
+) -> Flattening:
     """Sides along x and y, long side upright, the photo's top on top; or as the user said, from the photo's top."""
     mesh, photo_xy = cleaned.scan.mesh, cleaned.scan.photo_xy
     if photo_xy is None:
@@ -168,18 +223,20 @@ def _the_right_way_round(cleaned: Cleaned, flat: Flattening, rotate: Rotation) -
         up = -direction_of_growth(flat.page_xy, photo_xy[:, 1])
     else:
         up = -direction_of_growth(flat.page_xy[mesh.faces[:, 0]], photo_xy[:, 0, 1])
-    page_xy, size = to_page_frame(flat.page_xy, up, long_side_upright=rotate == "auto")
+    page_xy, size = to_page_frame(flat.page_xy, up, long_side_upright=long_side_upright and rotate == "auto")
     if rotate not in ("auto", "0"):
         page_xy, size = turned(page_xy, float(rotate))
     return replace(flat, page_xy=page_xy, size_mm=size)
 
 
-def _as_its_text_reads(flat: Flattening, page: Page) -> Flattening:
+def _as_its_text_reads(flat: Flattening, page: Page, way_up: WayUp | None = None) -> Flattening:
     """The sheet turned so that its lines of text are level and upright; the same one where they are, or there is none.
 
     The page is to be drawn anew afterwards, so that no pixel is filtered twice.
     """
-    quarter, _ = upright_turn(page)
+    quarter, confidence = upright_turn(page)
+    told = way_up(page) if way_up and confidence < SURE else None
+    quarter = quarter if told is None else told
     clockwise = -quarter // 90
     skew, _ = skew_degrees(
         replace(page, pixels=np.rot90(page.pixels, clockwise), known=np.rot90(page.known, clockwise))
@@ -190,9 +247,48 @@ def _as_its_text_reads(flat: Flattening, page: Page) -> Flattening:
     return replace(flat, page_xy=page_xy, size_mm=size)
 
 
+def _with_its_spine_upright(cleaned: Cleaned, flat: Flattening) -> Flattening:
+    """The sheet of an open book with its spine upright, and the photo's top on top if that can be; else as it is."""
+    mesh = cleaned.scan.mesh
+    as_photographed = _the_right_way_round(cleaned, flat, "auto", long_side_upright=False)
+    page_xy, size = turned(flat.page_xy, 90.0)
+    for way in (flat, as_photographed, replace(flat, page_xy=page_xy, size_mm=size)):
+        if find_spine(mesh, way.page_xy, way.size_mm):
+            return way
+    return flat
+
+
+def _said_of_pages(spine: Spine | None, pages: Pages) -> list[str]:
+    """What a user should know of the cut."""
+    if spine is None:
+        return ["no spine is plain on the sheet, so it stays one page"] if pages == "auto" else []
+    said = {
+        "surface": "",
+        "gutter": "the surface shows no spine; the sheet was split in the widest upright gap of its print, "
+        f"{spine.x_mm:.0f} mm from the left",
+        "middle": "the surface shows no spine and the print no gap; the sheet was split near its middle, "
+        f"{spine.x_mm:.0f} mm from the left",
+    }[spine.found_by]
+    crossed = "lines of print run across the place where the sheet was split" if spine.crossed else ""
+    return [sentence for sentence in (said, crossed) if sentence]
+
+
+def _part_reports(flat: Flattening, spine: Spine | None) -> list[PartReport]:
+    width, height = flat.size_mm
+    if spine is None:
+        return [PartReport("whole", 0.0, width, height)]
+    return [
+        PartReport("left", 0.0, spine.x_mm, height),
+        PartReport("right", spine.x_mm, width - spine.x_mm, height),
+    ]
+
+
 def _in_file_order(cleaned: Cleaned, scan: Scan, flat: Flattening) -> Flattening:
     values = to_file_order(cleaned, scan.mesh.points, np.c_[flat.page_xy, flat.error_mm, flat.local_strain])
-    return replace(flat, page_xy=values[:, :2], error_mm=values[:, 2], local_strain=values[:, 3])
+    normals = flat.normals
+    if normals is not None:
+        normals = to_file_order(cleaned, scan.mesh.points, normals.astype(np.float64)).astype(np.float32)
+    return replace(flat, page_xy=values[:, :2], error_mm=values[:, 2], local_strain=values[:, 3], normals=normals)
 
 
 def _shading_report(fit: ShadingFit) -> ShadingReport:
@@ -204,4 +300,15 @@ def _page_report(flat: Flattening, rendered: Rendered | None) -> PageReport:
     if rendered is None:
         return PageReport(width, height)
     page, found = rendered.page, rendered.resolution
-    return PageReport(width, height, page.dpi, found.low_ppi, found.median_ppi, float(page.known.mean()))
+    missing = missing_parts(page)
+    return PageReport(
+        width,
+        height,
+        dpi=page.dpi,
+        effective_ppi_p10=found.low_ppi,
+        effective_ppi_median=found.median_ppi,
+        known_fraction=float(page.known.mean()),
+        photo_parts=list(rendered.parts),
+        missing_regions=missing.regions,
+        missing_mm2=missing.area_mm2,
+    )

@@ -15,6 +15,9 @@ Method = Literal["multigrid", "verlet", "mass-spring"]
 Binarization = Literal["none", "nick", "sauvola", "wolf", "trsingh", "bataineh", "su", "otsu"]
 Shading = Literal["geometry", "background", "none"]
 Rotation = Literal["auto", "0", "90", "180", "270"]
+PhotoShape = Literal["auto", "text-lines", "borders", "shading", "polynomial"]
+Paper = Literal["unknown", "a3", "a4", "a5", "letter", "legal"]
+Pages = Literal["1", "2", "auto"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -242,6 +245,9 @@ class RestoreSettings:
     rotate : {"auto", "0", "90", "180", "270"}
         auto: as the text reads; where there is none, long side upright and the photo's top on top. A number: clockwise
         turn from the photo's way round.
+    pages : {"1", "2", "auto"}
+        2: the sheet is an open book, and is split at its spine into a left and a right page. auto: only where a
+        spine is plain in the surface and no line of text crosses it. 1: the sheet stays whole.
     """
 
     flatten: FlattenSettings = field(default_factory=FlattenSettings)
@@ -249,3 +255,31 @@ class RestoreSettings:
     shading: ShadingSettings = field(default_factory=ShadingSettings)
     binarize: BinarizeSettings = field(default_factory=BinarizeSettings)
     rotate: Rotation = "auto"
+    pages: Pages = "1"
+
+
+@dataclass(frozen=True, kw_only=True)
+class PhotoSettings:
+    """How the shape of a sheet is found from one photo, and how large it is.
+
+    Attributes
+    ----------
+    shape : {"auto", "text-lines", "borders", "shading", "polynomial"}
+        What tells the shape. auto: lines of text and the sheet's borders, whichever are there. text-lines, borders: one
+        of them alone. shading: the brightness of the blank paper of a page that is bent in one direction only.
+        polynomial: each line of text straightened by itself (Zhang and Tan 2003), to compare with.
+    width_mm : float, optional
+        Width of the sheet, or of the part that is drawn where its borders are not seen. One photo cannot tell it.
+    paper : {"unknown", "a3", "a4", "a5", "letter", "legal"}
+        The sheet's size, where all of its borders are seen; it also puts the proportions right.
+    """
+
+    shape: PhotoShape = "auto"
+    width_mm: float | None = None
+    paper: Paper = "unknown"
+
+    def __post_init__(self) -> None:
+        if self.width_mm is not None and not 1 <= self.width_mm <= 10_000:
+            raise UsageError(f"width_mm must be between 1 and 10000, not {self.width_mm}")
+        if self.width_mm is not None and self.paper != "unknown":
+            raise UsageError("give width_mm or paper, not both: each says how large the sheet is")

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
 from enum import Enum
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,6 +76,24 @@ class Camera:
 
 
 @dataclass(frozen=True, eq=False)
+class View:
+    """A further photo of a sheet.
+
+    Attributes
+    ----------
+    photo : (rows, cols, 3) uint8 or uint16
+    camera : Camera
+        That took it.
+    """
+
+    photo: Pixels
+    camera: Camera
+
+    def __post_init__(self) -> None:
+        _freeze(self)
+
+
+@dataclass(frozen=True, eq=False)
 class Scan:
     """A mesh and the photo that was taken with it.
 
@@ -89,6 +108,8 @@ class Scan:
         Where the photo was taken from, when that is known.
     icc : bytes or None
         Colour profile of the photo, handed on to the page.
+    others : tuple of View
+        Further photos of the same sheet, for what `photo` shows less well or not at all.
     """
 
     mesh: Mesh
@@ -96,6 +117,7 @@ class Scan:
     photo_xy: Floats | None = None
     camera: Camera | None = None
     icc: bytes | None = None
+    others: tuple[View, ...] = ()
 
     def __post_init__(self) -> None:
         _freeze(self)
@@ -119,6 +141,8 @@ class Sticks:
         Part of it, 0 to 1, that is still in the lengths.
     turned : (m,) bool or None
         Faces of the mesh that noise turned over, where that was looked for: by these lengths their back is up.
+    normals : (n, 3) float32 or None
+        Of the surface without noise, where they were sought.
     """
 
     pairs: Ints
@@ -128,6 +152,7 @@ class Sticks:
     noise_mm: Floats | None = None
     noise_left: float = 1.0
     turned: Bools | None = None
+    normals: NDArray[np.float32] | None = None
 
     def __post_init__(self) -> None:
         _freeze(self)
@@ -177,6 +202,8 @@ class Flattening:
     passed_points : int
         That went through another layer of the sheet on the way down (verlet).
     warnings : tuple of str
+    normals : (n, 3) float32 or None
+        Of the bent sheet without the scanner's noise, where they were sought for all points.
     """
 
     page_xy: Floats
@@ -196,6 +223,7 @@ class Flattening:
     overlaps: int = 0
     passed_points: int = 0
     warnings: tuple[str, ...] = ()
+    normals: NDArray[np.float32] | None = None
 
     def __post_init__(self) -> None:
         _freeze(self)
@@ -223,6 +251,28 @@ class Page:
 
     def __post_init__(self) -> None:
         _freeze(self)
+
+
+@dataclass(frozen=True)
+class Spine:
+    """Where a sheet is two pages of a book: an upright line on the flat sheet.
+
+    Attributes
+    ----------
+    x_mm : float
+        From the sheet's left side.
+    turn_deg : float
+        By how much the paper turns there, into a valley; 0 where the surface does not show the spine.
+    found_by : {"surface", "gutter", "middle"}
+        From the surface; from the widest upright gap in the print; or the middle, where there is neither.
+    crossed : bool
+        Whether lines of print run across it.
+    """
+
+    x_mm: float
+    turn_deg: float
+    found_by: Literal["surface", "gutter", "middle"]
+    crossed: bool = False
 
 
 @dataclass(frozen=True)
@@ -304,6 +354,12 @@ class PageReport:
         Photo pixels per inch of page, in the direction where they are fewest, over the area of the page.
     known_fraction : float or None
         Share of the page's pixels that the scan and the photo saw.
+    photo_parts : list of float
+        Of what was seen, the part that each photo shows best, in the order in which they were given.
+    missing_regions : int or None
+        Parts of the page that were not seen, each at least 1 mm wide somewhere.
+    missing_mm2 : float or None
+        Their area.
     """
 
     width_mm: float
@@ -312,6 +368,27 @@ class PageReport:
     effective_ppi_p10: float | None = None
     effective_ppi_median: float | None = None
     known_fraction: float | None = None
+    photo_parts: list[float] = field(default_factory=list)
+    missing_regions: int | None = None
+    missing_mm2: float | None = None
+
+
+@dataclass(frozen=True)
+class PartReport:
+    """One page of the sheet, as it was written.
+
+    Attributes
+    ----------
+    side : {"whole", "left", "right"}
+    left_mm : float
+        Of its left side, from the sheet's.
+    width_mm, height_mm : float
+    """
+
+    side: Literal["whole", "left", "right"]
+    left_mm: float
+    width_mm: float
+    height_mm: float
 
 
 @dataclass(frozen=True)
@@ -338,6 +415,82 @@ class ShadingReport:
 
 
 @dataclass(frozen=True)
+class PhotoReport:
+    """What one photo told of a sheet's shape.
+
+    Attributes
+    ----------
+    shape : str
+        What it was found from: "text-lines", "borders", "text-lines and borders", "shading" or "polynomial".
+    scale : str
+        Where the size in mm comes from: "unknown" (a guess from the size of the letters), "width" or "paper".
+    focal_px : float [photo px]
+    focal_from : str
+        "exif", "borders", or "assumed".
+    lines, letters : int
+        Of text that were used.
+    straightness : float or None
+        How far letters are off straight lines on the page (rms), in heights of their letters.
+    bent_one_way : float or None
+        The same before the part was added by which the sheet is not bent in one direction only.
+    extrapolated_share : float
+        Part of the page that lies outside of all that the shape was found from.
+    confidence : str
+        All this in a sentence.
+    """
+
+    shape: str
+    scale: str
+    focal_px: float
+    focal_from: str
+    lines: int
+    letters: int
+    straightness: float | None
+    bent_one_way: float | None
+    extrapolated_share: float
+    confidence: str
+
+
+@dataclass(frozen=True)
+class Criterion:
+    """One figure of a page beside the limits that a guideline sets.
+
+    Attributes
+    ----------
+    name, unit : str
+    value : float
+    limits : (float, float, float, float)
+        For one star to four.
+    stars : int
+        How many it reaches; 0 is none.
+    """
+
+    name: str
+    unit: str
+    value: float
+    limits: tuple[float, float, float, float]
+    stars: int
+
+
+@dataclass(frozen=True)
+class GuidelineReport:
+    """Where the page stands in a guideline of digitisation.
+
+    Attributes
+    ----------
+    name : str
+        The guideline's, with its edition and the kind of material.
+    criteria : list of Criterion
+    not_graded : list of str
+        What the guideline asks for and this program cannot tell.
+    """
+
+    name: str
+    criteria: list[Criterion]
+    not_graded: list[str]
+
+
+@dataclass(frozen=True)
 class Report:
     """An account of one restoration in plain numbers and sentences; `dataclasses.asdict` of it is the JSON.
 
@@ -350,9 +503,17 @@ class Report:
     seconds_total : float
     seconds : dict
         Per stage.
-    scan, flatten, page, shading : see there
-        shading is None where none was removed.
+    scan, flatten, page, shading, photo : see there
+        shading is None where none was removed, photo where the shape did not come from a photo.
     warnings : list of str
+    pages : list of PartReport
+        The pages of the sheet, from left to right; one where it was not split. Empty without a photo.
+    spine : Spine or None
+        Where it was split.
+    sources : dict
+        SHA-256 in hexadecimal, by name, of the files that the scan was read from.
+    guideline : GuidelineReport or None
+        Where the page stands in the FADGI guidelines.
     """
 
     version: str
@@ -365,6 +526,11 @@ class Report:
     page: PageReport
     warnings: list[str]
     shading: ShadingReport | None = None
+    pages: list[PartReport] = field(default_factory=list)
+    spine: Spine | None = None
+    sources: dict[str, str] = field(default_factory=dict)
+    photo: PhotoReport | None = None
+    guideline: GuidelineReport | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -376,8 +542,15 @@ class Restoration:
     flattening : Flattening
         With the place on the page of every point of the scan, in the scan's order.
     rendered, unshaded, binary : Page or None
-        None where the scan has no photo, or where that stage was not asked for.
+        None where the scan has no photo, or where that stage was not asked for. Of the whole sheet.
     report : Report
+        With the place of the spine, along which `planish.split` cuts these pages in two.
+    clipped : (rows, cols) bool or None
+        Pixels of the page with a channel at its greatest value in the photo, where shade was removed.
+    light : (rows, cols, 3) float32 or None
+        Linear light that blank paper had in the photo, on a coarse grid over the page, where shade was removed.
+    ppi : (rows, cols) float32 [1 / inch] or None
+        Photo pixels per inch of page, on a coarse grid over the page; NaN where the photo did not see it.
     """
 
     flattening: Flattening
@@ -385,3 +558,9 @@ class Restoration:
     unshaded: Page | None
     binary: Page | None
     report: Report
+    clipped: Bools | None = None
+    light: NDArray[np.float32] | None = None
+    ppi: NDArray[np.float32] | None = None
+
+    def __post_init__(self) -> None:
+        _freeze(self)

@@ -9,11 +9,17 @@ import numpy as np
 from planish.mesh import Cleaned
 from planish.types import Bools, Floats, Mesh, Page, Pixels, Restoration, Scan
 
-SHEET = (
-    *("1-warped", "3-mesh-before", "5-restored", "7-expected-error"),
-    *("2-warped-binary", "4-mesh-after", "6-restored-binary", "8-strain"),
-)
-"""The order on the sheet of all pictures: colour above black and white, before left of after, maps last."""
+CAPTIONS = {
+    "1-warped": "The photo",
+    "3-mesh-before": "The scan",
+    "5-restored": "The page",
+    "7-expected-error": "Expected error",
+    "2-warped-binary": "The photo, black and white",
+    "4-mesh-after": "The scan, laid flat",
+    "6-restored-binary": "The page, black and white",
+    "8-strain": "Strain",
+}
+"""Of the sheet of all pictures, in its order: colour above black and white, before left of after, maps last."""
 
 
 def write_stages(folder: Path, scan: Scan, done: Restoration) -> list[Path]:
@@ -34,7 +40,7 @@ def write_stages(folder: Path, scan: Scan, done: Restoration) -> list[Path]:
     """
     from planish.io import make_folder, write_page
     from planish.mesh import clean
-    from planish.report import heat_map, relief, side_by_side
+    from planish.report import contact_sheet, heat_map, relief
 
     assert scan.photo is not None
     assert done.rendered is not None
@@ -54,7 +60,7 @@ def write_stages(folder: Path, scan: Scan, done: Restoration) -> list[Path]:
         "7-expected-error": heat_map(page_xy, faces, error, flat.size_mm, "expected error, mm"),
         "8-strain": heat_map(page_xy, faces, 100 * strain, flat.size_mm, "strain, %"),
     }
-    pictures["all"] = side_by_side([pictures[name] for name in SHEET], columns=4)
+    pictures["all"] = contact_sheet({said: pictures[name] for name, said in CAPTIONS.items()}, "From scan to page")
     make_folder(folder)
     written = []
     for name, pixels in pictures.items():
@@ -62,6 +68,15 @@ def write_stages(folder: Path, scan: Scan, done: Restoration) -> list[Path]:
         write_page(path, _as_page(pixels, page.dpi if "restored" in name else photo.dpi))
         written.append(path)
     return written
+
+
+def write_certificate(path: Path, name: str, scan: Scan, done: Restoration) -> None:
+    """Write the quality certificate of a restoration, an A4 sheet."""
+    from planish.io import write_page
+    from planish.report import certificate
+    from planish.report.certificate import DPI
+
+    write_page(path, _as_page(certificate(scan, done, name), DPI))
 
 
 def standing_and_lying(mesh: Mesh, page_xy: Floats) -> tuple[Floats, Floats]:

@@ -16,13 +16,19 @@ from planish.types import Report
 WORDS = {
     "read": "Reading",
     "scan": "Scanning the sheet",
+    "laser": "Finding the laser",
+    "acquire": "Making the scan",
+    "calibrate": "Calibrating",
+    "shape": "Finding the sheet's shape",
     "clean": "Cleaning the mesh",
     "flatten": "Flattening",
     "turn": "Turning the page",
     "render": "Drawing the page",
+    "split": "Parting the pages",
     "unshade": "Removing the shading",
     "binarize": "Binarizing",
     "measure": "Measuring",
+    "text": "Reading the text",
     "write": "Writing",
 }
 

@@ -118,6 +118,7 @@ def flatten(
         overlaps=overlaps(mesh.faces, page_xy, topo),
         passed_points=solved.passed_points,
         warnings=solved.warnings,
+        normals=None if coarse is not None or sticks.normals is None else sticks.normals[back],
     )
 
 

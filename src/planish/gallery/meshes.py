@@ -7,12 +7,12 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse, spatial
+from scipy import spatial
 
 from planish.errors import UsageError
 from planish.gallery.noise import Noise, noise_at
 from planish.gallery.sheets import Sheet
-from planish.mesh import topology
+from planish.mesh import lattice_faces, without_crumbs
 from planish.types import Bools, Floats, Ints, Mesh
 
 Layout = Literal["range", "grid", "delaunay"]
@@ -23,9 +23,6 @@ SCANNER_MM = np.array([3.0, -2.0, 650.0])
 
 TURN_DEG = 7.0
 """Of the pixels of layout "range" against the sheet, so that its border runs in steps as a scan's does."""
-
-CRUMB = 0.01
-"""Pieces with less than this share of the faces are dropped, as scanner programs do."""
 
 
 def _ring(at: Floats) -> Bools:
@@ -108,56 +105,6 @@ def sheet_mesh(
         ray = place - SCANNER_MM
         error = error * ray / np.linalg.norm(ray, axis=1, keepdims=True)
     return Mesh(place + error, faces), page_xy
-
-
-def lattice_faces(index: Ints, points: Floats, greatest_step: float = np.inf) -> Ints:
-    """Join neighbouring pixels of a range image by triangles, counter-clockwise as the image is seen.
-
-    Parameters
-    ----------
-    index : (rows, cols) int32
-        Row of `points` that each pixel holds; -1 where it holds none.
-    points : (n, d) float64
-        The shorter diagonal of four pixels is taken.
-    greatest_step : float
-        Two pixels whose last coordinates differ by more are not joined (a depth jump).
-
-    Examples
-    --------
-    >>> lattice_faces(np.array([[0, 1], [2, -1]], np.int32), np.eye(3)).tolist()
-    [[0, 2, 1]]
-    """
-    a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, :-1], index[1:, 1:]
-    there = [corner >= 0 for corner in (a, b, c, d)]
-    full = np.logical_and.reduce(there)
-    falling = np.linalg.norm(points[a] - points[d], axis=-1) <= np.linalg.norm(points[b] - points[c], axis=-1)
-    triangles = []
-    for corners, lone in (((a, c, b), 3), ((c, d, b), 0), ((a, c, d), 1), ((a, d, b), 2)):
-        three = np.logical_and.reduce([there[k] for k in range(4) if k != lone])
-        split = (full & (falling == (lone in (1, 2)))) | (three & ~there[lone])
-        triangles.append(np.stack([corner[split] for corner in corners], axis=1))
-    faces = np.concatenate(triangles)
-    return np.ascontiguousarray(faces[np.ptp(points[faces][..., -1], axis=1) <= greatest_step])
-
-
-def without_crumbs(faces: Ints, point_count: int) -> tuple[NDArray[np.int64], Ints]:
-    """Drop pieces that hang together with the rest by less than an edge and are small, and points without faces.
-
-    Returns
-    -------
-    used : (k,) int64
-        Rows of the points that are left, in their order.
-    faces : (m, 3) int32
-        Of those points.
-    """
-    pairs = topology(faces, point_count).edge_faces
-    pairs = pairs[pairs[:, 1] >= 0]
-    links = sparse.coo_matrix((np.ones(len(pairs), bool), tuple(pairs.T)), shape=(len(faces), len(faces)))
-    piece = sparse.csgraph.connected_components(links, directed=False)[1]
-    faces = faces[np.bincount(piece)[piece] >= CRUMB * len(faces)]
-    used = np.zeros(point_count, bool)
-    used[faces] = True
-    return np.flatnonzero(used), (np.cumsum(used, dtype=np.int32) - 1)[faces]
 
 
 def _range_layout(sheet: Sheet, points: int, rng: np.random.Generator) -> tuple[Floats, Ints, NDArray[np.int64]]:

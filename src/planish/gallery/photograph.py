@@ -51,7 +51,7 @@ def photograph(
     page : Page
         What is printed on it; uint8, grey or colour.
     camera : Camera
-        Its `shape_rc` is the photo's; distortion is not drawn.
+        Its `shape_rc` is the photo's.
     light : Light
     grain : float
         Standard deviation of the sensor's noise, in levels of 255.
@@ -134,7 +134,9 @@ def _turn(upward: Floats, faces: Ints) -> Floats:
 def _table(camera: Camera, first: int) -> tuple[Floats, Ints]:
     """Lay a grid over the part of the table that the camera sees; its faces count points from `first`."""
     rows, cols = camera.shape_rc
-    corners = np.array([[-1, -1, 1], [cols, -1, 1], [-1, rows, 1], [cols, rows, 1]], float)
+    reach = 0.1 * max(rows, cols) if np.any(camera.distortion) else 1.0  # a lens sees farther than its pinhole
+    low, right, foot = -reach, cols - 1 + reach, rows - 1 + reach
+    corners = np.array([[low, low, 1], [right, low, 1], [low, foot, 1], [right, foot, 1]], float)
     rays = corners @ np.linalg.inv(camera.matrix).T @ camera.rotation
     eye = -camera.rotation.T @ camera.translation
     spots = (eye - (eye[2] + TABLE_DEPTH_MM) / rays[:, 2:] * rays)[:, :2]

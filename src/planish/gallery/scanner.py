@@ -9,12 +9,12 @@ import numpy as np
 
 from planish.errors import UsageError
 from planish.gallery.light import Light
-from planish.gallery.meshes import lattice_faces, without_crumbs
 from planish.gallery.noise import Noise, noise_at
 from planish.gallery.photograph import photograph
 from planish.gallery.sheets import Sheet
 from planish.gallery.sight import FineMesh, covered, fine_mesh, interpolated, project, put_right
 from planish.gallery.typeset import typeset_sheet
+from planish.mesh import lattice_faces, without_crumbs
 from planish.types import Camera, Floats, Ints, Mesh, Page, Scan
 
 DISTANCE_MM = 650.0

@@ -15,6 +15,7 @@ from planish.io.files import read_bytes
 from planish.types import Camera, Floats
 
 _KEYS = {
+    "cameras": {"cameras", "note"},
     "P": {"P", "image_size", "note"},
     "focal_px": {"focal_px", "width", "height", "cam", "note"},
     "image_size": {
@@ -38,16 +39,17 @@ def read_camera(path: str | Path, photo_name: str | None = None, *, mm_per_unit:
     Parameters
     ----------
     path : str or Path
-        JSON in one of three forms, each of which may have a ``"note"``:
+        JSON in one of four forms, each of which may have a ``"note"``:
 
         - ``{"fx", "fy", "cx", "cy", "image_size": [w, h]}`` or ``"matrix"`` for the first four, and, where they are
           not 1 and 0, ``"rotation"`` (3 x 3, or OpenCV's 3 numbers) and ``"translation"`` from world to camera, and
           OpenCV's ``"distortion"``;
         - ``{"P": 3 x 4, "image_size": [w, h]}``, or P a mapping of photo file names to such matrices;
         - ``{"focal_px", "width", "height", "cam": [x, y, z]}``: it looks along -z from (x, -y, z), so that cam has y
-          down as the photo; the principal point is the middle of the photo.
+          down as the photo; the principal point is the middle of the photo;
+        - ``{"cameras": {photo file name: camera}}``, each in one of the forms above.
     photo_name : str, optional
-        File name of the photo, to choose a matrix by.
+        File name of the photo, to choose among several by.
     mm_per_unit : float
         Of the lengths in the file, which are in the unit of the mesh.
 
@@ -66,13 +68,34 @@ def read_camera(path: str | Path, photo_name: str | None = None, *, mm_per_unit:
     (480, 640)
     """
     path = Path(path)
-    told = _json_object(path)
+    return _camera(path, _json_object(path), photo_name, mm_per_unit)
+
+
+def camera_from_json(path: str | Path, told: object) -> Camera:
+    """A camera that is part of another file, in mm; `path` is for messages."""
+    if not isinstance(told, dict):
+        raise InputError(f"{path} holds no camera: a JSON object with its numbers is wanted")
+    return _camera(Path(path), told, None, 1.0)
+
+
+def holds_many(path: str | Path) -> bool:
+    """Whether a camera file has a camera for each of several photos, by their names."""
+    told = _json_object(Path(path))
+    return "cameras" in told or isinstance(told.get("P"), dict)
+
+
+def _camera(path: Path, told: dict[str, Any], photo_name: str | None, mm_per_unit: float) -> Camera:
     form = next((key for key in _KEYS if key in told), None)
     if form is None:
         raise InputError(f"{path} holds no camera: it has none of {', '.join(_KEYS)} (docs/formats.md shows the forms)")
     unknown = sorted(told.keys() - _KEYS[form])
     if unknown:
         raise InputError(f"{path} has “{unknown[0]}”, which is not known; known are {', '.join(sorted(_KEYS[form]))}")
+    if form == "cameras":
+        one = _named(path, "cameras", told["cameras"], photo_name)
+        if not isinstance(one, dict) or "cameras" in one:
+            raise InputError(f"{path}: each of “cameras” must be a camera (docs/formats.md shows the forms)")
+        return _camera(path, one, photo_name, mm_per_unit)
     if form == "P":
         return _from_projection(path, _projection(path, told["P"], photo_name), _size(path, told), mm_per_unit)
     if form == "focal_px":
@@ -172,13 +195,19 @@ def _rotation(path: Path, told: dict[str, Any]) -> Floats:
 def _projection(path: Path, matrices: object, photo_name: str | None) -> Floats:
     if not isinstance(matrices, dict):
         return _numbers(path, "P", matrices, (3, 4))
-    if photo_name not in matrices and len(matrices) != 1:
+    return _numbers(path, f"P of {photo_name}", _named(path, "P", matrices, photo_name), (3, 4))
+
+
+def _named(path: Path, key: str, several: object, photo_name: str | None) -> object:
+    """What stands under a photo's name; the only one there is fits any."""
+    if not isinstance(several, dict):
+        raise InputError(f"{path}: “{key}” must name a camera for each photo's file name")
+    if photo_name not in several and len(several) != 1:
         raise InputError(
-            f"{path} has no matrix for {photo_name or 'a scan without a photo'}, but for"
-            f" {', '.join(sorted(matrices)[:8]) or 'none'}; give one of these with --photo"
+            f"{path} has no camera for {photo_name or 'a scan without a photo'}, but for"
+            f" {', '.join(sorted(several)[:8]) or 'none'}; give one of these with --photo"
         )
-    name = photo_name if photo_name in matrices else next(iter(matrices))
-    return _numbers(path, f"P of {name}", matrices[name], (3, 4))
+    return several[photo_name] if photo_name in several else next(iter(several.values()))
 
 
 def _from_projection(path: Path, projection: Floats, shape_rc: tuple[int, int], mm_per_unit: float) -> Camera:

@@ -8,7 +8,7 @@ import warnings as python_warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -116,16 +116,16 @@ def decode_photo(name: str, data: bytes, *, upright: bool = False) -> Photo:
     return Photo(np.ascontiguousarray(pixels), icc, warnings)
 
 
-def decode_grid(name: str, data: bytes) -> NDArray:
-    """Read the numbers of a TIFF as they are: (rows, cols) or (rows, cols, channels), any type.
+def decode_grid(name: str, data: bytes, kind: Literal["TIFF", "PNG"] = "TIFF") -> NDArray:
+    """Read the numbers of a TIFF or PNG as they are: (rows, cols) or (rows, cols, channels), any type.
 
     Raises
     ------
     InputError
-        If it is no TIFF, damaged, cut short, or above 400 megapixels.
+        If it is none, damaged, cut short, or above 400 megapixels.
     """
-    with _decoding(name, "a TIFF"):
-        image = Image.open(io.BytesIO(data), formats=["TIFF"])
+    with _decoding(name, f"a {kind}"):
+        image = Image.open(io.BytesIO(data), formats=[kind])
         _check_size(name, image, fewest=1)
         image.load()
         return np.array(image)

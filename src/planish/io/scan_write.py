@@ -8,10 +8,10 @@ import numpy as np
 
 from planish.errors import OutputError
 from planish.io.cameras import camera_as_json
+from planish.io.encode import jpeg_bytes, png_bytes
 from planish.io.files import write_bytes, write_json
 from planish.io.gltf_write import glb_bytes, one_uv_per_point
 from planish.io.obj import obj_parts
-from planish.io.pages import jpeg_bytes, png_bytes
 from planish.io.ply_write import ply_parts
 from planish.io.polygons import Polygons, of_triangles
 from planish.io.units import MM_PER_UNIT

@@ -15,8 +15,9 @@ from planish.io.images import Photo, decode_photo, read_photo
 from planish.io.meshes import read_mesh
 from planish.io.polygons import Polygons, triangulate, uv_of_points
 from planish.io.units import MM_PER_UNIT, Unit, decide_unit
+from planish.io.views import Files, listed, matched
 from planish.mesh import depths
-from planish.types import Camera, Floats, Mesh, Scan
+from planish.types import Camera, Floats, Mesh, Scan, View
 
 _OUTSIDE = 1e-4
 """How far texture coordinates may be outside 0 to 1 before that is said: rounding in the file."""
@@ -35,29 +36,32 @@ class ReadScan:
     warnings : list of str
     polygons : Polygons
         The file's own faces and texture coordinates.
+    sources : tuple of Path
+        The files that were read: the mesh (a folder for tifxyz), photos that are files of their own, cameras.
     """
 
     scan: Scan
     unit: Unit
     warnings: list[str]
     polygons: Polygons
+    sources: tuple[Path, ...] = ()
 
 
-def read_scan(
-    path: str | Path, *, photo: str | Path | None = None, camera: str | Path | None = None, units: str = "auto"
-) -> ReadScan:
+def read_scan(path: str | Path, *, photo: Files = None, camera: Files = None, units: str = "auto") -> ReadScan:
     """Read a scan.
 
     The photo is the one that `photo` names, else the texture that the mesh file names or holds. Where its parts lie
-    is told by the texture coordinates; but if both `photo` and `camera` are given, by the camera.
+    is told by the texture coordinates; but if both `photo` and `camera` are given, by the camera. Of several photos
+    the first is the main one, whose colours the page gets.
 
     Parameters
     ----------
     path : str or Path
         OBJ, PLY, GLB, glTF or a tifxyz folder.
-    photo : str or Path, optional
-    camera : str or Path, optional
-        JSON, see `read_camera`; its numbers are in the unit of the mesh.
+    photo : str or Path, or several, optional
+    camera : str or Path, or several, optional
+        JSON, see `read_camera`; its numbers are in the unit of the mesh. For several photos as many in the same order,
+        or one file that has all of them by name.
     units : {"auto", "mm", "cm", "m", "in"}
 
     Raises
@@ -65,30 +69,67 @@ def read_scan(
     InputError
         If a file is missing, damaged, of the wrong kind, or the files do not belong together.
     """
-    path = Path(path)
+    path, photos = Path(path), listed(photo)
+    cameras = matched(photos, listed(camera))
+    main, seen_by = (photos[0] if photos else None), cameras[0]
     found = read_mesh(path)
     unit, told = decide_unit(found.points, units, found.unit)
     warnings = [*found.warnings, *told]
     points = found.points * MM_PER_UNIT[unit]
     triangles = triangulate(points, found.polygons)
     mesh = Mesh(points, found.polygons.corners[triangles])
-    seen_from = None
-    if camera is not None:
-        seen_from = read_camera(camera, _photo_name(found, photo), mm_per_unit=MM_PER_UNIT[unit])
-        _check_in_front(camera, seen_from, points)
-    picture = _picture(path, found, photo, seen_from, warnings)
+    seen_from = _camera_of(seen_by, _photo_name(found, main), points, MM_PER_UNIT[unit])
+    picture = _picture(path, found, main, seen_from, warnings)
     photo_xy = None
     if picture is not None:
-        _check_same_size(camera, seen_from, photo or found.texture, picture)
-        if seen_from is None or photo is None or _same_file(found.texture, photo):
+        _check_same_size(seen_by, seen_from, main or found.texture, picture)
+        if seen_from is None or main is None or _same_file(found.texture, main):
             photo_xy = _photo_xy(path, found.polygons, triangles, len(points), picture.pixels.shape[:2], warnings)
         if photo_xy is None and seen_from is None:
             raise InputError(
                 f"{path} has no texture coordinates, so nothing tells where its points lie on the photo; give --camera"
             )
     pixels, icc = (picture.pixels, picture.icc) if picture else (None, None)
-    scan = Scan(mesh, photo=pixels, photo_xy=photo_xy, camera=seen_from, icc=icc)
-    return ReadScan(scan, unit, warnings, found.polygons)
+    others = [
+        _view(path, found, one, where, points, MM_PER_UNIT[unit], icc, warnings)
+        for one, where in zip(photos[1:], cameras[1:], strict=True)
+    ]
+    scan = Scan(mesh, photo=pixels, photo_xy=photo_xy, camera=seen_from, icc=icc, others=tuple(others))
+    shown = found.texture if main is None else main
+    files = (path, shown if picture and not isinstance(shown, bytes) else None, *photos[1:], *dict.fromkeys(cameras))
+    return ReadScan(scan, unit, warnings, found.polygons, tuple(Path(file) for file in files if file is not None))
+
+
+def _camera_of(path: Path | None, photo_name: str | None, points: Floats, mm_per_unit: float) -> Camera | None:
+    if path is None:
+        return None
+    camera = read_camera(path, photo_name, mm_per_unit=mm_per_unit)
+    _check_in_front(path, camera, points)
+    return camera
+
+
+def _view(
+    path: Path,
+    found: FileMesh,
+    photo: Path,
+    seen_by: Path | None,
+    points: Floats,
+    mm_per_unit: float,
+    icc: bytes | None,
+    warnings: list[str],
+) -> View:
+    """A further photo and its camera; `icc` is the colour profile of the main one."""
+    camera = _camera_of(seen_by, photo.name, points, mm_per_unit)
+    picture = _picture(path, found, photo, camera, warnings)
+    assert camera is not None
+    assert picture is not None
+    _check_same_size(seen_by, camera, photo, picture)
+    if picture.icc != icc:
+        warnings.append(
+            f"{photo} has another colour profile than the first photo; its brightness was matched to that one's, its "
+            "colours were taken as they are"
+        )
+    return View(picture.pixels, camera)
 
 
 def _photo_name(found: FileMesh, photo: str | Path | None) -> str | None:

@@ -3,6 +3,7 @@
 from planish.mesh.adjacency import neighbours
 from planish.mesh.carry import carry
 from planish.mesh.clean import Cleaned, clean
+from planish.mesh.lattice import lattice_faces, without_crumbs
 from planish.mesh.locality import local_order, renumbered
 from planish.mesh.measures import angle_sums, area_vectors, border_loops, bounds, point_normals
 from planish.mesh.place import to_file_order
@@ -26,6 +27,7 @@ __all__ = [
     "clean",
     "code_values",
     "depths",
+    "lattice_faces",
     "linear_light",
     "local_order",
     "neighbours",
@@ -37,4 +39,5 @@ __all__ = [
     "subsample",
     "to_file_order",
     "topology",
+    "without_crumbs",
 ]

@@ -183,7 +183,7 @@ def _weld(points: Floats, faces: Ints, topo: Topology, warnings: list[str]) -> t
 
 def _disks_short(faces: Ints, topo: Topology) -> int:
     """How much the Euler number of a mesh falls short of that of as many plain sheets as it has pieces."""
-    used = np.count_nonzero(_used(faces, int(faces.max()) + 1))
+    used = int(np.count_nonzero(_used(faces, int(faces.max()) + 1)))
     pieces = int(pieces_and_winding(faces, topo)[0].max()) + 1
     return pieces - (used - len(topo.edges) + len(faces))
 
@@ -283,7 +283,7 @@ def _assemble(
         )
     if pieces > 1:
         warnings.append(f"the scan is in {pieces} pieces; each is flattened, and all are laid on one page")
-    cleaned = Scan(mesh, scan.photo, photo_xy, scan.camera, scan.icc)
+    cleaned = Scan(mesh, scan.photo, photo_xy, scan.camera, scan.icc, scan.others)
     return Cleaned(cleaned, topo, place, pieces, max(loops - pieces, 0), warnings)
 
 

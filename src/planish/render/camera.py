@@ -38,13 +38,14 @@ def resect(points: Floats, photo_xy: Floats) -> Floats | None:
     equations = np.concatenate([np.c_[space, zero, -image[:, :1] * space], np.c_[zero, space, -image[:, 1:2] * space]])
     camera = np.linalg.eigh(equations.T @ equations)[1][:, 0].reshape(3, 4)
     camera = np.linalg.inv(to_image) @ camera @ to_space
-    seen = np.c_[points, np.ones(len(points))] @ camera.T
-    if np.median(seen[:, 2]) < 0:
-        camera, seen = -camera, -seen
-    if not (seen[:, 2] > 0).all():
+    depth = points @ camera[2, :3] + camera[2, 3]
+    if np.median(depth[some]) < 0:
+        camera, depth = -camera, -depth
+    if not (depth > 0).all():
         return None
-    misfit = seen[:, :2] / seen[:, 2:] - photo_xy
-    good = np.sqrt((misfit**2).sum(axis=1).mean()) < GOOD_FIT * np.linalg.norm(np.ptp(photo_xy, axis=0))
+    seen = points[some] @ camera[:2, :3].T + camera[:2, 3]
+    misfit = seen / depth[some, None] - photo_xy[some]
+    good = np.sqrt((misfit**2).sum(axis=1).mean()) < GOOD_FIT * np.linalg.norm(np.ptp(photo_xy[some], axis=0))
     return camera if good else None
 
 

@@ -7,14 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from planish.mesh import project
+from planish.mesh import depths, project
 from planish.render.patch import refine
-from planish.types import Floats, Ints, Scan
+from planish.types import Camera, Floats, Ints, Scan
 
 FINE_MM = 1.0
 """Faces longer than this on the page are cut into curved pieces; over 1 mm of paper no bend is seen."""
 MOST_FACES = 1_000_000
 """No finer than this many pieces in all."""
+SOME_FACES = 20_000
+"""Of a mesh, to tell how coarse it is."""
 BEYOND_PX = 1e6
 """No photo reaches so far from its corner; places that lie there, or are not numbers, are not on it."""
 
@@ -53,14 +55,12 @@ def chart(scan: Scan, page_xy: Floats) -> Chart:
     page_xy : (n, 2) float64 [mm]
     """
     faces, page, points, photo = _split_seams(scan, page_xy)
-    if photo is not None:
-        faces, photo = _without_lost_places(faces, photo)
-    pieces = _pieces_per_edge(page, faces)
-    if scan.camera is not None:
-        seen = project(scan.camera, points)
-        misfit = np.zeros_like(page) if photo is None else photo - seen
-        photo = seen + misfit
+    seen = None if scan.camera is None else _seen_by(scan.camera, points)
+    photo = seen if photo is None else photo
     assert photo is not None
+    faces, photo = _without_lost_places(faces, photo)
+    misfit = np.zeros_like(page) if seen is None else np.where(np.isfinite(seen), photo - seen, 0)
+    pieces = _pieces_per_edge(page, faces)
     if pieces > 1:
         carried = np.concatenate([points, photo if scan.camera is None else misfit], axis=1)
         page, carried, faces = refine(page, carried, faces, pieces)
@@ -86,6 +86,12 @@ def _split_seams(scan: Scan, page_xy: Floats) -> tuple[Ints, Floats, Floats, Flo
     return split, page_xy[source], scan.mesh.points[source], corner_xy[first]
 
 
+def _seen_by(camera: Camera, points: Floats) -> Floats:
+    """Places on the photo, NaN for what lies behind the camera."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(np.where(depths(camera, points)[:, None] > 0, project(camera, points), np.nan))
+
+
 def _without_lost_places(faces: Ints, photo_xy: Floats) -> tuple[Ints, Floats]:
     """Leave out faces with a corner that has no place on any photo, and put such points in the middle of the others."""
     good = np.asarray((np.abs(photo_xy) < BEYOND_PX).all(axis=1))
@@ -98,7 +104,8 @@ def _without_lost_places(faces: Ints, photo_xy: Floats) -> tuple[Ints, Floats]:
 def _pieces_per_edge(page_xy: Floats, faces: Ints) -> int:
     if not len(faces):
         return 1
-    edge = np.linalg.norm(page_xy[faces] - page_xy[np.roll(faces, 1, axis=1)], axis=2)
+    some = page_xy[faces[:: max(1, len(faces) // SOME_FACES)]]
+    edge = np.linalg.norm(some - np.roll(some, 1, axis=1), axis=2)
     wanted = int(np.ceil(float(np.quantile(edge, 0.9)) / FINE_MM)) if edge.max() > 2 * FINE_MM else 1
     return max(1, min(wanted, int(np.sqrt(MOST_FACES / len(faces)))))
 

@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from planish.errors import InputError
-from planish.mesh import rasterise
-from planish.render.chart import Chart, chart
-from planish.render.resolution import Resolution, nearest_usual_dpi, resolution
-from planish.render.sample import footprints, sample
-from planish.render.visibility import seen_faces
+from planish.mesh import linear_light
+from planish.render.blend import Blend, blend, detail
+from planish.render.paint import paint
+from planish.render.resolution import Resolution, cells, nearest_usual_dpi, of_the_best
+from planish.render.sight import Sight, shrunk, sights
 from planish.settings import RenderSettings
-from planish.types import Bools, Floats, Ints, Page, Pixels, Scan
+from planish.types import Bools, Floats, Page, Pixels, Scan
 
-BAND_PIXELS = 4_000_000
-"""So many page pixels are drawn at a time; the working memory is about 12 bytes for each."""
+Light = NDArray[np.float32]
+
+LOOK_PX, LOOK_PIXELS = (4, 6), 16_000_000
+"""Photos are compared on coarse pages with fewest and most pixels across a cell, and so many in all at most."""
 MOST_PIXELS = 1_000_000_000
 
 
@@ -29,10 +32,14 @@ class Rendered:
     ----------
     page : Page
     resolution : Resolution
+        Of the photo that each place was taken from.
+    parts : tuple of float
+        Of the known page, the part that was taken from each photo.
     """
 
     page: Page
     resolution: Resolution
+    parts: tuple[float, ...] = (1.0,)
 
 
 def draw(scan: Scan, page_xy: Floats, size_mm: tuple[float, float], settings: RenderSettings | None = None) -> Rendered:
@@ -69,18 +76,57 @@ def draw(scan: Scan, page_xy: Floats, size_mm: tuple[float, float], settings: Re
     (True, 254)
     """
     settings = settings or RenderSettings()
-    if scan.photo is None or (scan.photo_xy is None and scan.camera is None):
-        raise InputError(
-            "the scan has no photo that could be drawn: neither texture coordinates nor a camera came with it; give "
-            "both a photo and its camera, or flatten the mesh alone"
-        )
-    sheet = chart(scan, page_xy)
-    faces = sheet.faces[seen_faces(sheet, scan.camera)]
-    found = resolution(sheet, faces, size_mm, scan.photo.shape[:2])
-    dpi = float(nearest_usual_dpi(found.median_ppi) if settings.dpi == "auto" else settings.dpi)
-    pixels, known = _paint(scan.photo, sheet, faces, _shape(size_mm, dpi), dpi / 25.4)
+    seen = sights(scan, page_xy, size_mm)
+    if len(seen) == 1:
+        dpi = _dpi(seen[0].resolution, settings)
+        return Rendered(_page(seen, None, size_mm, dpi, scan.icc), seen[0].resolution)
+    mixed = _mixed(seen, size_mm)
+    found = of_the_best([sight.resolution for sight in seen], mixed.best)
+    return Rendered(_page(seen, mixed, size_mm, _dpi(found, settings), scan.icc), found, _parts(mixed.best, len(seen)))
+
+
+def preview(scan: Scan, page_xy: Floats, size_mm: tuple[float, float], dpi: float) -> Page:
+    """Draw a coarse page quickly, to look at and not to keep. As `draw`, from the main photo alone, made smaller."""
+    seen = sights(replace(scan, others=()), page_xy, size_mm)
+    return _page([shrunk(seen[0], dpi)], None, size_mm, dpi, scan.icc)
+
+
+def _dpi(found: Resolution, settings: RenderSettings) -> float:
+    return float(nearest_usual_dpi(found.median_ppi) if settings.dpi == "auto" else settings.dpi)
+
+
+def _page(
+    seen: Sequence[Sight], mixed: Blend | None, size_mm: tuple[float, float], dpi: float, icc: bytes | None
+) -> Page:
+    pixels, known = paint(seen, mixed, _shape(size_mm, dpi), dpi / 25.4)
     pixels[~known] = _paper(pixels, known)
-    return Rendered(Page(pixels, known, dpi, scan.icc), found)
+    return Page(pixels, known, dpi, icc)
+
+
+def _mixed(seen: Sequence[Sight], size_mm: tuple[float, float]) -> Blend:
+    """How much of each photo the page takes where, from a coarse page of each."""
+    cell_mm, (rows, cols) = cells(size_mm)
+    finest = max(sight.resolution.median_ppi for sight in seen) * cell_mm / 25.4
+    across = int(min(np.clip(np.ceil(finest), *LOOK_PX), max(1, (LOOK_PIXELS / (rows * cols)) ** 0.5)))
+    looks = [_look(shrunk(sight, 25.4 * across / cell_mm), (rows, cols), across, cell_mm) for sight in seen]
+    return blend(seen, looks, cell_mm)
+
+
+def _look(sight: Sight, shape_rc: tuple[int, int], across: int, cell_mm: float) -> tuple[Light, Light, Bools]:
+    """Mean light, strength of detail, and whether most of it is known, for every cell."""
+    rows, cols = shape_rc
+    pixels, known = paint([sight], None, (rows * across, cols * across), across / cell_mm)
+    light = np.where(known[..., None], linear_light(np.iinfo(pixels.dtype).max + 1)[pixels], np.float32(0))
+    in_cells = (rows, across, cols, across)
+    count = np.maximum(known.reshape(in_cells).sum(axis=(1, 3)), 1).astype(np.float32)
+    mean = light.reshape(*in_cells, 3).sum(axis=(1, 3)) / count[..., None]
+    strength = detail(light, known).reshape(*in_cells, -1).sum(axis=(1, 3)) / count[..., None]
+    return mean, strength, count > across**2 / 2
+
+
+def _parts(best: NDArray[np.int64], count: int) -> tuple[float, ...]:
+    """Of the known page, the part that each photo shows."""
+    return tuple(float(n) for n in np.bincount(best[best >= 0], minlength=count) / max(1, int((best >= 0).sum())))
 
 
 def _shape(size_mm: tuple[float, float], dpi: float) -> tuple[int, int]:
@@ -91,20 +137,6 @@ def _shape(size_mm: tuple[float, float], dpi: float) -> tuple[int, int]:
             f"million pixels, more than planish draws; is the scan's unit right?"
         )
     return rows, cols
-
-
-def _paint(
-    photo: Pixels, sheet: Chart, faces: Ints, shape_rc: tuple[int, int], px_per_mm: float
-) -> tuple[Pixels, Bools]:
-    rows, cols = shape_rc
-    pixels, known = np.empty((rows, cols, 3), photo.dtype), np.empty((rows, cols), np.bool_)
-    pixel_xy, shape = sheet.page_xy * px_per_mm - 0.5, footprints(sheet.jacobian / px_per_mm)
-    band = max(1, BAND_PIXELS // cols)
-    for top in range(0, rows, band):
-        here = slice(top, min(top + band, rows))
-        face, weights = rasterise(pixel_xy, faces, (here.stop - top, cols), top=top)
-        sample(photo, face, weights, faces, sheet.photo_xy, shape, pixels[here], known[here])
-    return pixels, known
 
 
 def _paper(pixels: Pixels, known: Bools) -> NDArray[np.generic]:

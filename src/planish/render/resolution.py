@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from planish.errors import InputError
-from planish.mesh import rasterise
 from planish.render.chart import Chart
+from planish.render.cover import cover
 from planish.render.visibility import least_singular
-from planish.types import Floats, Ints
+from planish.types import Ints
 
 CELL_MM = 1.0
 MOST_CELLS = 1_000_000
@@ -35,7 +37,21 @@ class Resolution:
     low_ppi: float
 
 
-def resolution(sheet: Chart, faces: Ints, size_mm: tuple[float, float], photo_shape: tuple[int, ...]) -> Resolution:
+def cells(size_mm: tuple[float, float]) -> tuple[float, tuple[int, int]]:
+    """Side of the cells [mm] in which a page of this size is looked at, and their rows and columns."""
+    cell_mm = max(CELL_MM, (size_mm[0] * size_mm[1] / MOST_CELLS) ** 0.5)
+    return cell_mm, (max(1, round(size_mm[1] / cell_mm)), max(1, round(size_mm[0] / cell_mm)))
+
+
+def of_the_best(several: Sequence[Resolution], best: NDArray[np.int64]) -> Resolution:
+    """The resolution of a page that takes each cell from another photo: number `best` (rows, cols), -1 for none."""
+    ppi = np.take_along_axis(np.array([found.ppi for found in several]), np.maximum(best, 0)[None], axis=0)[0]
+    return _summed_up(np.where(best >= 0, ppi, np.float32(np.nan)))
+
+
+def resolution(
+    sheet: Chart, faces: Ints, size_mm: tuple[float, float], photo_shape: tuple[int, ...], name: str = "the photo"
+) -> Resolution:
     """Measure it from the map of page to photo.
 
     Parameters
@@ -46,29 +62,31 @@ def resolution(sheet: Chart, faces: Ints, size_mm: tuple[float, float], photo_sh
     size_mm : (float, float)
     photo_shape : (int, int)
         Rows and columns.
+    name : str
+        Of the photo, for the message.
 
     Raises
     ------
     InputError
         Where no part of the page falls on the photo.
     """
-    cell_mm = max(CELL_MM, (size_mm[0] * size_mm[1] / MOST_CELLS) ** 0.5)
-    cols, rows = (max(1, round(mm / cell_mm)) for mm in size_mm)
-    face, w = rasterise(sheet.page_xy / cell_mm - 0.5, faces, (rows, cols))
-    fewest = 25.4 * least_singular(sheet.jacobian)
-    ppi = np.where(face >= 0, _carry(fewest[:, None], faces, face, w)[..., 0], np.nan)
-    at = _carry(sheet.photo_xy, faces, face, w)
-    outside = (at < -0.5).any(axis=2) | (at > np.array(photo_shape[1::-1]) - 0.5).any(axis=2)
-    ppi[outside] = np.nan
-    seen = ppi[np.isfinite(ppi)]
-    if not len(seen):
+    cell_mm, (rows, cols) = cells(size_mm)
+    face = cover(sheet.page_xy / cell_mm - 0.5, faces, (rows, cols))
+    ppi = np.full((rows, cols), np.nan, np.float32)
+    _fill(face, faces, 25.4 * least_singular(sheet.jacobian), sheet.photo_xy, *photo_shape, ppi)
+    if not np.isfinite(ppi).any():
         low, high = sheet.photo_xy.min(axis=0), sheet.photo_xy.max(axis=0)
         raise InputError(
-            f"no part of the sheet falls on the photo: its places run from ({low[0]:.0f}, {low[1]:.0f}) to "
+            f"no part of the sheet falls on {name}: its places run from ({low[0]:.0f}, {low[1]:.0f}) to "
             f"({high[0]:.0f}, {high[1]:.0f}), but the photo has {photo_shape[1]} x {photo_shape[0]} pixels; is it "
             f"the photo of this scan, and the printed side up?"
         )
-    return Resolution(ppi.astype(np.float32), float(np.median(seen)), float(np.quantile(seen, 0.1)))
+    return _summed_up(ppi)
+
+
+def _summed_up(ppi: NDArray[np.float32]) -> Resolution:
+    seen = ppi[np.isfinite(ppi)]
+    return Resolution(ppi, float(np.median(seen)), float(np.quantile(seen, 0.1)))
 
 
 def nearest_usual_dpi(ppi: float) -> int:
@@ -82,7 +100,15 @@ def nearest_usual_dpi(ppi: float) -> int:
     return min(USUAL_DPI, key=lambda usual: abs(np.log(usual / ppi)))
 
 
-def _carry(values: Floats, faces: Ints, face: Ints, w: NDArray[np.float32]) -> Floats:
-    """What the points carry, at every cell: (rows, cols, d)."""
-    a, b, c = (values[faces[np.maximum(face, 0), k]] for k in range(3)) if len(faces) else (0.0, 0.0, 0.0)
-    return np.asarray((1 - w[..., :1] - w[..., 1:]) * a + w[..., :1] * b + w[..., 1:] * c)
+@njit(cache=True)
+def _fill(face, faces, fewest, photo_xy, photo_rows, photo_cols, ppi):  # type: ignore[no-untyped-def]
+    """Fill in the mean over the corners of the face at each cell, where that lies on the photo."""
+    for r in range(face.shape[0]):
+        for q in range(face.shape[1]):
+            if face[r, q] < 0:
+                continue
+            a, b, c = faces[face[r, q]]
+            x = (photo_xy[a, 0] + photo_xy[b, 0] + photo_xy[c, 0]) / 3
+            y = (photo_xy[a, 1] + photo_xy[b, 1] + photo_xy[c, 1]) / 3
+            if -0.5 <= x <= photo_cols - 0.5 and -0.5 <= y <= photo_rows - 0.5:
+                ppi[r, q] = (fewest[a] + fewest[b] + fewest[c]) / 3

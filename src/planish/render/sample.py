@@ -1,9 +1,12 @@
 """Draw a photo through a map: one filter that interpolates where the photo is coarse and averages where it is fine.
 
-The filter is Lanczos' windowed sinc of three lobes (Duchon 1979), stretched over the part of the photo that a page
-pixel covers: a page pixel at x takes sum k(u) k(v) photo(x + d) / sum k(u) k(v), (u, v) = M^-1 d. M = (J J^T)^(1/2),
-the shape of the page pixel on the photo, with singular values below 1 raised to 1 (Heckbert 1989, 3.5: the wider of
-the filters that reconstruct the photo and that limit the page's band). Light is added, not code values.
+A page pixel at x takes sum k(u) k(v) photo(x + d) / sum k(u) k(v), (u, v) = M^-1 d, with the filter k of
+`planish.render.filters`. M = (J J^T)^(1/2) is the shape of the page pixel on the photo, with singular values below 1
+raised to 1 (Heckbert 1989, 3.5: the wider of the filters that reconstruct the photo and that limit the page's band).
+Light is added, not code values.
+
+The page is drawn in tiles. The part of the photo that a tile needs is turned into light once, in memory that stays in
+the core's cache, so that a photo of any size takes no more memory than it has.
 """
 
 from __future__ import annotations
@@ -13,46 +16,44 @@ from numba import njit
 from numpy.typing import NDArray
 
 from planish.crew import crew
-from planish.mesh import code_values, linear_light
+from planish.mesh import linear_light
+from planish.render.filters import LOBES, NARROW, TAPS, lanczos, narrow, narrow_filters, skewed, upright
 from planish.types import Bools, Floats, Ints, Pixels
 
-LOBES = 3
-STEPS = 2048
-"""Of the filter's table to one pixel: its error stays below a tenth of an 8-bit step."""
-ROWS = 64
-"""Page rows that a thread takes at a time: some 20 ms of work."""
 SKEW = 0.1
 """A filter this near to upright, as a part of its size, is taken as upright: its weights then fall into rows and
 columns, several times as fast, and nobody sees the difference."""
 WIDEST = 32.0
 """Photo pixels to a page pixel beyond which the filter grows no more."""
+TILE, SMALL_TILE = 64, 8
+"""Page pixels across a tile; small ones where a tile's part of the photo is too large, at seams and folds."""
+BOX = 1 << 17
+"""Most photo pixels of a tile's part: 1.5 MB of light. A single page pixel of the widest filter needs 9e4."""
 
 
-def footprints(jacobian: Floats) -> Floats:
-    """(n, 3) x x, x y and y y of M M^T for (n, 2, 2) maps from page pixels to photo pixels."""
-    square = jacobian @ jacobian.transpose(0, 2, 1)
-    values, vectors = np.linalg.eigh(square)
-    values = np.clip(values, 1.0, WIDEST**2)
-    clamped = (vectors * values[:, None, :]) @ vectors.transpose(0, 2, 1)
-    return np.ascontiguousarray(np.stack([clamped[:, 0, 0], clamped[:, 0, 1], clamped[:, 1, 1]], axis=1))
+def maps_of_faces(pixel_xy: Floats, photo_xy: Floats, jacobian: Floats, faces: Ints) -> Floats:
+    """Where each face lies on the photo, and its filter there.
+
+    Parameters
+    ----------
+    pixel_xy : (n, 2) float64 [page px]
+    photo_xy : (n, 2) float64 [photo px]
+    jacobian : (n, 2, 2) float64 [photo px per page px]
+        At the points; a face takes the mean of its three.
+    faces : (m, 3) int32
+
+    Returns
+    -------
+    (m, 9) float64
+        x = m0 q + m1 r + m2 and y = m3 q + m4 r + m5 on the photo for page column q and row r; M's xx, xy and yy.
+    """
+    maps = np.zeros((len(faces), 9))
+    with crew() as run:
+        run(_maps, len(faces), pixel_xy, photo_xy, jacobian, faces, maps)
+    return maps
 
 
-def lanczos() -> NDArray[np.float32]:
-    """Table of k(0) to k(LOBES), and zeros to half as far again for the filter's rim."""
-    x = np.arange(int(1.5 * LOBES * STEPS)) / STEPS
-    return np.where(x < LOBES, np.sinc(x) * np.sinc(x / LOBES), 0).astype(np.float32)
-
-
-def sample(
-    photo: Pixels,
-    face: Ints,
-    weights: NDArray[np.float32],
-    faces: Ints,
-    photo_xy: Floats,
-    shape: Floats,
-    pixels: Pixels,
-    known: Bools,
-) -> None:
+def sample(photo: Pixels, face: Ints, maps: Floats, top: int, light: NDArray[np.float32], known: Bools) -> None:
     """Fill rows of a page.
 
     Parameters
@@ -60,107 +61,146 @@ def sample(
     photo : (rows, cols, 3) uint8 or uint16
     face : (r, c) int32
         Face that covers each page pixel; -1 for none.
-    weights : (r, c, 2) float32
-        Where in the face, as `rasterise` returns it.
-    faces : (m, 3) int32
-    photo_xy : (n, 2) float64 [photo px]
-    shape : (n, 3) float64
-        From `footprints`.
-    pixels : (r, c, 3), of the photo's type
-        Filled where the page is known, left as it is elsewhere.
+    maps : (m, 9) float64
+        From `maps_of_faces`.
+    top : int
+        Page row of the first row.
+    light : (r, c, 3) float32
+        Filled with linear light where the page is known.
     known : (r, c) bool
         Filled: where a face lies that falls within the photo.
     """
-    light = linear_light(np.iinfo(photo.dtype).max + 1)
-    carried = np.concatenate([photo_xy, shape], axis=1)
-    tables = light, code_values(photo.dtype), lanczos()
+    tables = linear_light(np.iinfo(photo.dtype).max + 1), lanczos(), narrow_filters()
+    tiles = -(-face.shape[0] // TILE) * -(-face.shape[1] // TILE)
     with crew() as run:
-        run(_sample, len(face), photo, face, weights, faces, carried, *tables, pixels, known, block=ROWS)
+        run(_sample, tiles, photo, face, maps, top, tables, light, known, block=8)
 
 
 @njit(cache=True, nogil=True)
-def _sample(  # type: ignore[no-untyped-def]
-    begin, end, photo, face, weights, faces, carried, light, codes, kernel, pixels, known
-):
+def _maps(begin, end, page, photo, jacobian, faces, maps):  # type: ignore[no-untyped-def]
+    for f in range(begin, end):
+        a, b, c = faces[f]
+        u1, v1 = page[b, 0] - page[a, 0], page[b, 1] - page[a, 1]
+        u2, v2 = page[c, 0] - page[a, 0], page[c, 1] - page[a, 1]
+        area = u1 * v2 - u2 * v1
+        if area == 0:
+            continue
+        for k in range(2):
+            d1, d2 = photo[b, k] - photo[a, k], photo[c, k] - photo[a, k]
+            across, down = (d1 * v2 - d2 * v1) / area, (d2 * u1 - d1 * u2) / area
+            maps[f, 3 * k], maps[f, 3 * k + 1] = across, down
+            maps[f, 3 * k + 2] = photo[a, k] - across * page[a, 0] - down * page[a, 1]
+        j = (jacobian[a] + jacobian[b] + jacobian[c]) / 3
+        maps[f, 6], maps[f, 7], maps[f, 8] = _shape(j[0, 0], j[0, 1], j[1, 0], j[1, 1])
+
+
+@njit(cache=True)
+def _shape(jxx, jxy, jyx, jyy):  # type: ignore[no-untyped-def]
+    """M = (J J^T)^(1/2) with its eigenvalues kept between 1 and WIDEST: xx, xy, yy.
+
+    With S = J J^T, half its trace h and half the distance of its eigenvalues d, M = m + n (S - h) / d where m and n
+    are half the sum and half the difference of M's eigenvalues (h +- d)^(1/2).
+    """
+    sxx, sxy, syy = jxx * jxx + jxy * jxy, jxx * jyx + jxy * jyy, jyx * jyx + jyy * jyy
+    half, apart = (sxx + syy) / 2, np.hypot((sxx - syy) / 2, sxy)
+    large = np.sqrt(min(max(half + apart, 1.0), WIDEST**2))
+    small = np.sqrt(min(max(half - apart, 1.0), WIDEST**2))
+    middle, ratio = (large + small) / 2, (large - small) / 2 / apart if apart > 0 else 0.0
+    return middle + ratio * (sxx - half), ratio * sxy, middle + ratio * (syy - half)
+
+
+@njit(cache=True, nogil=True)
+def _sample(begin, end, photo, face, maps, top, tables, light, known):  # type: ignore[no-untyped-def]
+    rows, cols = face.shape
+    across = -(-cols // TILE)
+    rim = int(2 * LOBES * WIDEST) + 2
+    box, weights = np.zeros(3 * (BOX + TAPS), np.float32), np.zeros((2, rim), np.float32)
+    work = box, weights[0], weights[1], np.zeros(3 * TAPS, np.float32)
+    for t in range(begin, end):
+        r, q = t // across * TILE, t % across * TILE
+        below, right = min(r + TILE, rows), min(q + TILE, cols)
+        if _region(r, below, q, right, photo, face, maps, top, tables, work, light, known):
+            continue
+        for i in range(r, below, SMALL_TILE):
+            for j in range(q, right, SMALL_TILE):
+                low, far = min(i + SMALL_TILE, below), min(j + SMALL_TILE, right)
+                if _region(i, low, j, far, photo, face, maps, top, tables, work, light, known):
+                    continue
+                for m in range(i, low):
+                    for n in range(j, far):
+                        _region(m, m + 1, n, n + 1, photo, face, maps, top, tables, work, light, known)
+
+
+@njit(cache=True)
+def _region(r0, r1, q0, q1, photo, face, maps, top, tables, work, light, known):  # type: ignore[no-untyped-def]
+    """Draw a part of the page, unless the part of the photo that it needs is too large for the box."""
+    levels, kernel, bank = tables
+    box, wx, wy, sums = work
+    x0, x1, y0, y1 = _reach(r0, r1, q0, q1, photo, face, maps, top)
+    if x0 > x1:
+        known[r0:r1, q0:q1] = False
+        return True
+    left, upper = int(np.floor(x0)) - 1, int(np.floor(y0)) - 1
+    width, height = int(np.ceil(x1)) + 2 - left, int(np.ceil(y1)) + 2 + TAPS - upper
+    if width * height > BOX:
+        return False
+    _into_light(photo, left, upper, width, height, levels, box)
     rows, cols = photo.shape[:2]
-    for r in range(begin, end):
-        reach = int(2 * LOBES * WIDEST) + 2
-        wx, wy = np.empty(reach, np.float32), np.empty(reach, np.float32)
-        for q in range(face.shape[1]):
+    for r in range(r0, r1):
+        for q in range(q0, q1):
+            f = face[r, q]
             known[r, q] = False
-            if face[r, q] < 0:
+            if f < 0:
                 continue
-            a, b, c = faces[face[r, q]]
-            w1, w2 = np.float64(weights[r, q, 0]), np.float64(weights[r, q, 1])
-            w0 = 1 - w1 - w2
-            x = w0 * carried[a, 0] + w1 * carried[b, 0] + w2 * carried[c, 0]
-            y = w0 * carried[a, 1] + w1 * carried[b, 1] + w2 * carried[c, 1]
+            x, y = _place(maps, f, q, r + top)
             if not (-0.5 <= x <= cols - 0.5 and -0.5 <= y <= rows - 0.5):
                 continue
-            sxx = w0 * carried[a, 2] + w1 * carried[b, 2] + w2 * carried[c, 2]
-            sxy = w0 * carried[a, 3] + w1 * carried[b, 3] + w2 * carried[c, 3]
-            syy = w0 * carried[a, 4] + w1 * carried[b, 4] + w2 * carried[c, 4]
-            # M = (S + det(S)^(1/2) 1) / (tr S + 2 det(S)^(1/2))^(1/2), the square root of a 2x2 matrix S
-            root = np.sqrt(max(sxx * syy - sxy * sxy, 1.0))
-            trace = np.sqrt(sxx + syy + 2 * root)
-            mxx, mxy, myy = (sxx + root) / trace, sxy / trace, (syy + root) / trace
-            if abs(mxy) < SKEW * (mxx + myy):
-                red, green, blue = _upright(photo, x, y, mxx, myy, light, kernel, wx, wy)
+            mxx, mxy, myy = np.float32(maps[f, 6]), np.float32(maps[f, 7]), np.float32(maps[f, 8])
+            x, y = x - left, y - upper
+            if abs(mxy) >= SKEW * (mxx + myy):
+                red, green, blue = skewed(box, width, x, y, mxx, mxy, myy, kernel)
+            elif max(mxx, myy) < 1 + NARROW:
+                red, green, blue = narrow(box, width, x, y, mxx, myy, bank, sums)
             else:
-                red, green, blue = _skewed(photo, x, y, mxx, mxy, myy, light, kernel)
-            pixels[r, q, 0] = codes[int(min(max(red, 0.0), 1.0) * 65535 + 0.5)]
-            pixels[r, q, 1] = codes[int(min(max(green, 0.0), 1.0) * 65535 + 0.5)]
-            pixels[r, q, 2] = codes[int(min(max(blue, 0.0), 1.0) * 65535 + 0.5)]
+                red, green, blue = upright(box, width, x, y, mxx, myy, kernel, wx, wy)
+            light[r, q, 0], light[r, q, 1], light[r, q, 2] = red, green, blue
             known[r, q] = True
+    return True
 
 
 @njit(cache=True)
-def _row_of_weights(at, spread, kernel, w):  # type: ignore[no-untyped-def]
-    """Fill w with the filter's weights around `at`, with sum 1; returns the first pixel and how many there are."""
-    first, last = int(np.ceil(at - LOBES * spread)), int(np.floor(at + LOBES * spread))
-    total = np.float32(0)
-    for i in range(last - first + 1):
-        w[i] = kernel[int(abs(at - (first + i)) / spread * STEPS + 0.5)]
-        total += w[i]
-    for i in range(last - first + 1):
-        w[i] /= total
-    return first, last - first + 1
+def _place(maps, f, q, r):  # type: ignore[no-untyped-def]
+    return maps[f, 0] * q + maps[f, 1] * r + maps[f, 2], maps[f, 3] * q + maps[f, 4] * r + maps[f, 5]
 
 
 @njit(cache=True)
-def _upright(photo, x, y, mxx, myy, light, kernel, wx, wy):  # type: ignore[no-untyped-def]
+def _reach(r0, r1, q0, q1, photo, face, maps, top):  # type: ignore[no-untyped-def]
+    """Part of the photo under the filters of a part of the page: left, right, top, bottom."""
     rows, cols = photo.shape[:2]
-    left, nx = _row_of_weights(x, mxx, kernel, wx)
-    top, ny = _row_of_weights(y, myy, kernel, wy)
-    inside = left >= 0 and top >= 0 and left + nx <= cols and top + ny <= rows
-    red, green, blue = np.float32(0), np.float32(0), np.float32(0)
-    for j in range(ny):
-        i_row = top + j if inside else min(max(top + j, 0), rows - 1)
-        r, g, b = np.float32(0), np.float32(0), np.float32(0)
-        for i in range(nx):
-            i_col = left + i if inside else min(max(left + i, 0), cols - 1)
-            r += wx[i] * light[photo[i_row, i_col, 0]]
-            g += wx[i] * light[photo[i_row, i_col, 1]]
-            b += wx[i] * light[photo[i_row, i_col, 2]]
-        red, green, blue = red + wy[j] * r, green + wy[j] * g, blue + wy[j] * b
-    return red, green, blue
+    x0, x1, y0, y1 = np.inf, -np.inf, np.inf, -np.inf
+    for r in range(r0, r1):
+        last = -1
+        for q in range(q0, q1):
+            f = face[r, q]
+            if f < 0 or (f == last and q + 1 < q1 and face[r, q + 1] == f):  # inside a face nothing is outermost
+                continue
+            last = f
+            x, y = _place(maps, f, q, r + top)
+            x, y = min(max(x, -0.5), cols - 0.5), min(max(y, -0.5), rows - 0.5)
+            wide, high = LOBES * (maps[f, 6] + abs(maps[f, 7])), LOBES * (maps[f, 8] + abs(maps[f, 7]))
+            x0, x1, y0, y1 = min(x0, x - wide), max(x1, x + wide), min(y0, y - high), max(y1, y + high)
+    return x0, x1, y0, y1
 
 
 @njit(cache=True)
-def _skewed(photo, x, y, mxx, mxy, myy, light, kernel):  # type: ignore[no-untyped-def]
+def _into_light(photo, left, upper, width, height, levels, box):  # type: ignore[no-untyped-def]
+    """Fill the box with a part of the photo; beyond its rim the rim goes on."""
     rows, cols = photo.shape[:2]
-    size = mxx * myy - mxy * mxy
-    reach_x, reach_y = LOBES * (mxx + abs(mxy)), LOBES * (myy + abs(mxy))
-    red, green, blue, total = np.float32(0), np.float32(0), np.float32(0), np.float32(0)
-    for i_row in range(int(np.ceil(y - reach_y)), int(np.floor(y + reach_y)) + 1):
-        for i_col in range(int(np.ceil(x - reach_x)), int(np.floor(x + reach_x)) + 1):
-            dx, dy = i_col - x, i_row - y
-            u, v = abs(myy * dx - mxy * dy) / size, abs(mxx * dy - mxy * dx) / size
-            if u < LOBES and v < LOBES:
-                w = kernel[int(u * STEPS + 0.5)] * kernel[int(v * STEPS + 0.5)]
-                near_row, near_col = min(max(i_row, 0), rows - 1), min(max(i_col, 0), cols - 1)
-                red += w * light[photo[near_row, near_col, 0]]
-                green += w * light[photo[near_row, near_col, 1]]
-                blue += w * light[photo[near_row, near_col, 2]]
-                total += w
-    return red / total, green / total, blue / total
+    for i in range(height):
+        row = min(max(upper + i, 0), rows - 1)
+        at = 3 * i * width
+        for j in range(width):
+            col = min(max(left + j, 0), cols - 1)
+            box[at + 3 * j] = levels[photo[row, col, 0]]
+            box[at + 3 * j + 1] = levels[photo[row, col, 1]]
+            box[at + 3 * j + 2] = levels[photo[row, col, 2]]

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 
-from planish.mesh import depths, rasterise
+from planish.crew import crew
+from planish.mesh import depths
 from planish.render.camera import resect
 from planish.render.chart import Chart
+from planish.render.cover import cover
 from planish.types import Bools, Camera, Floats
 
 BUFFER_MM = 0.5
@@ -26,25 +29,21 @@ def seen_faces(chart: Chart, camera: Camera | None) -> Bools:
     -------
     (m,) bool
     """
-    turn = np.linalg.det(chart.jacobian)[chart.faces].mean(axis=1)
-    facing = turn > 0
+    turn, fewest = determinants(chart.jacobian), least_singular(chart.jacobian)
+    facing = _mean_of_corners(turn, chart.faces) > 0
     nearness = _nearness(chart, camera)
     if nearness is None or not facing.any():
         return np.asarray(facing)
-    px_per_mm = float(np.sqrt(np.median(turn[facing])))
-    scale = 1 / max(1.0, px_per_mm * BUFFER_MM)
-    origin = chart.photo_xy.min(axis=0)
-    buffer_xy = (chart.photo_xy - origin) * scale
+    px_per_mm = float(np.sqrt(np.median(turn[turn > 0])))
+    scale = 1 / (px_per_mm * BUFFER_MM)
+    buffer_xy = (chart.photo_xy - chart.photo_xy.min(axis=0)) * scale
     cols, rows = (int(n) + 2 for n in buffer_xy.max(axis=0))
-    front, _ = rasterise(buffer_xy, chart.faces, (rows, cols), nearness=nearness)
-
-    place = chart.page_xy[chart.faces].mean(axis=1)
-    x, y = np.rint(buffer_xy[chart.faces].mean(axis=1)).astype(int).T
-    before = front[y, x]
-    apart = np.linalg.norm(place[before] - place, axis=1)
-    fewest = least_singular(chart.jacobian)[chart.faces].mean(axis=1)  # photo px per mm where they are fewest
+    front = cover(buffer_xy, chart.faces, (rows, cols), nearness=_mean_of_corners(nearness, chart.faces))
     pixel_mm = 1 / (scale * np.maximum(fewest, 0.05 * px_per_mm))
-    return np.asarray(facing & ((before < 0) | (apart <= SAME_PLACE_MM + 2 * pixel_mm)))
+    seen = np.zeros(len(facing), np.bool_)
+    with crew() as run:
+        run(_in_front, len(seen), chart.faces, chart.page_xy, buffer_xy, pixel_mm, facing, front, seen)
+    return seen
 
 
 def _nearness(chart: Chart, camera: Camera | None) -> Floats | None:
@@ -57,8 +56,36 @@ def _nearness(chart: Chart, camera: Camera | None) -> Floats | None:
     return np.asarray(1 / (chart.points @ matrix[2, :3] + matrix[2, 3]))
 
 
+@njit(cache=True, nogil=True)
+def _in_front(begin, end, faces, page, buffer_xy, pixel_mm, facing, front, seen):  # type: ignore[no-untyped-def]
+    """Mark the faces that are foremost at their middle, or whose foremost lies beside them on the page."""
+    for f in range(begin, end):
+        a, b, c = faces[f]
+        x = (buffer_xy[a, 0] + buffer_xy[b, 0] + buffer_xy[c, 0]) / 3
+        y = (buffer_xy[a, 1] + buffer_xy[b, 1] + buffer_xy[c, 1]) / 3
+        first = front[int(y + 0.5), int(x + 0.5)]
+        apart = 0.0
+        for k in range(2):
+            here = page[a, k] + page[b, k] + page[c, k]
+            apart += ((page[faces[first, 0], k] + page[faces[first, 1], k] + page[faces[first, 2], k] - here) / 3) ** 2
+        same = SAME_PLACE_MM + 2 / 3 * (pixel_mm[a] + pixel_mm[b] + pixel_mm[c])
+        seen[f] = facing[f] and (first < 0 or apart <= same**2)
+
+
+@njit(cache=True)
+def _mean_of_corners(values, faces):  # type: ignore[no-untyped-def]
+    found = np.empty(len(faces))
+    for f in range(len(faces)):
+        found[f] = (values[faces[f, 0]] + values[faces[f, 1]] + values[faces[f, 2]]) / 3
+    return found
+
+
+def determinants(jacobian: Floats) -> Floats:
+    """Of each of (n, 2, 2) matrices."""
+    return np.asarray(jacobian[:, 0, 0] * jacobian[:, 1, 1] - jacobian[:, 0, 1] * jacobian[:, 1, 0])
+
+
 def least_singular(jacobian: Floats) -> Floats:
     """The smaller singular value of each of (n, 2, 2) matrices."""
-    square = (jacobian**2).sum(axis=(1, 2))
-    product = np.abs(np.linalg.det(jacobian))
-    return np.asarray(np.sqrt(np.maximum(square / 2 - np.sqrt(np.maximum(square**2 / 4 - product**2, 0)), 0)))
+    half = 0.5 * np.einsum("nij,nij->n", jacobian, jacobian)
+    return np.asarray(np.sqrt(np.maximum(half - np.sqrt(np.maximum(half**2 - determinants(jacobian) ** 2, 0)), 0)))

@@ -1,9 +1,23 @@
 """An honest account of a restoration: what was measured, and how it reads."""
 
 from planish.report.account import account
+from planish.report.certificate import certificate
+from planish.report.contact import contact_sheet
+from planish.report.fadgi import guideline
 from planish.report.heat import heat_map
 from planish.report.measures import flipped_faces, stretch
 from planish.report.pictures import relief, side_by_side
 from planish.report.table import summary
 
-__all__ = ["account", "flipped_faces", "heat_map", "relief", "side_by_side", "stretch", "summary"]
+__all__ = [
+    "account",
+    "certificate",
+    "contact_sheet",
+    "flipped_faces",
+    "guideline",
+    "heat_map",
+    "relief",
+    "side_by_side",
+    "stretch",
+    "summary",
+]

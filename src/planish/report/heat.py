@@ -8,8 +8,36 @@ from numpy.typing import NDArray
 from planish.mesh import rasterise
 from planish.types import Floats, Ints
 
-PIXELS_PER_PAGE = 600
-"""Rows of the map: values change over centimetres, so more would show nothing more."""
+ROWS = 600
+"""Of a map: values change over centimetres, so more would show nothing more."""
+TOP = 0.995
+"""Quantile of the values at which a scale ends: the last few points would leave the rest in one colour."""
+
+
+def over_page(page_xy: Floats, faces: Ints, values: Floats, size_mm: tuple[float, float], rows: int = ROWS) -> Floats:
+    """Lay a value at every point out over the page.
+
+    Parameters
+    ----------
+    page_xy : (n, 2) float64 [mm]
+    faces : (m, 3) int32
+    values : (n,) or (n, k) float64
+    size_mm : (float, float)
+        Width and height of the page.
+    rows : int
+
+    Returns
+    -------
+    (rows, cols) or (rows, cols, k) float64
+        Linear over each face; NaN where there is none.
+    """
+    width, height = size_mm
+    px_per_mm = rows / max(height, 1e-9)
+    face, w = rasterise(page_xy * px_per_mm - 0.5, faces, (rows, max(1, round(width * px_per_mm))))
+    weights = np.concatenate([1 - w.sum(axis=2, keepdims=True), w], axis=2)
+    value = np.einsum("rck,rck...->rc...", weights, values[faces[np.maximum(face, 0)]])
+    value[face < 0] = np.nan
+    return np.asarray(value)
 
 
 def heat_map(
@@ -32,23 +60,19 @@ def heat_map(
     -------
     (rows, cols, 3) uint8
     """
-    width, height = size_mm
-    px_per_mm = PIXELS_PER_PAGE / max(height, 1e-9)
-    shape = PIXELS_PER_PAGE, max(1, round(width * px_per_mm))
-    face, w = rasterise(page_xy * px_per_mm - 0.5, faces, shape)
-    corners = values[faces[np.maximum(face, 0)]]
-    value = corners[..., 0] * (1 - w.sum(axis=2)) + corners[..., 1] * w[..., 0] + corners[..., 2] * w[..., 1]
-    top = float(np.quantile(values, 0.995)) or 1.0
-    picture = _coloured(value / top)
-    picture[face < 0] = 255
-    return _with_scale(picture, top, title)
+    top = float(np.quantile(values, TOP)) or 1.0
+    return _with_scale(coloured(over_page(page_xy, faces, values, size_mm), 0.0, top), top, title)
 
 
-def _coloured(share: Floats) -> NDArray[np.uint8]:
+def coloured(values: Floats, low: float, high: float) -> NDArray[np.uint8]:
+    """Values as colours from dark blue at `low` to yellow at `high`; white where they are NaN."""
     import cv2
 
-    eight = (np.clip(share, 0, 1) * 255).astype(np.uint8)
-    return np.asarray(cv2.applyColorMap(eight, cv2.COLORMAP_VIRIDIS)[..., ::-1], np.uint8)
+    share = np.clip((values - low) / max(high - low, 1e-12), 0, 1)
+    eight = (np.nan_to_num(share) * 255).astype(np.uint8)
+    picture = np.array(cv2.applyColorMap(eight, cv2.COLORMAP_VIRIDIS)[..., ::-1])
+    picture[np.isnan(values)] = 255
+    return picture
 
 
 def _with_scale(picture: NDArray[np.uint8], top: float, title: str) -> NDArray[np.uint8]:
@@ -59,7 +83,7 @@ def _with_scale(picture: NDArray[np.uint8], top: float, title: str) -> NDArray[n
     wide = max(cols, 360)
     sheet = Image.new("RGB", (wide + 40, rows + 90), "white")
     sheet.paste(Image.fromarray(picture), ((wide - cols) // 2 + 20, 20))
-    bar = _coloured(np.tile(np.linspace(0, 1, wide), (16, 1)))
+    bar = coloured(np.tile(np.linspace(0, 1, wide), (16, 1)), 0.0, 1.0)
     sheet.paste(Image.fromarray(bar), (20, rows + 34))
     draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(15)
     draw.text((20, rows + 54), "0", "black", font)

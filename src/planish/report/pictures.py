@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planish.mesh import point_normals, rasterise
+from planish.report.drawing import eight_bit
 from planish.types import Bools, Floats, Ints, Pixels
 
 BACKGROUND = np.array([250, 250, 248], np.uint8)
@@ -69,7 +70,7 @@ def side_by_side(pictures: Sequence[Pixels | Bools], *, columns: int = 6, height
     gap : int
         Pixels around and between.
     """
-    small = [_of_height(_eight_bit(picture), height) for picture in pictures]
+    small = [_of_height(eight_bit(picture), height) for picture in pictures]
     rows = [small[k : k + columns] for k in range(0, len(small), columns)]
     widths = [sum(p.shape[1] + gap for p in row) + gap for row in rows]
     sheet = np.full((len(rows) * (height + gap) + gap, max(widths), 3), GROUND, np.uint8)
@@ -89,9 +90,3 @@ def _of_height(picture: NDArray[np.uint8], height: int) -> NDArray[np.uint8]:
     return np.asarray(
         cv2.resize(picture, size, interpolation=cv2.INTER_AREA if rows > height else cv2.INTER_CUBIC), np.uint8
     )
-
-
-def _eight_bit(picture: Pixels | Bools) -> NDArray[np.uint8]:
-    scale = {np.dtype(bool): 255.0, np.dtype(np.uint16): 1 / 257}.get(picture.dtype, 1.0)
-    eight = picture if picture.dtype == np.uint8 else (picture * scale).astype(np.uint8)
-    return np.asarray(eight if eight.ndim == 3 else np.repeat(eight[..., None], 3, axis=2), np.uint8)

@@ -37,5 +37,8 @@ def summary(report: Report) -> list[tuple[str, str]]:
                 f"{light.method}",
             )
         )
+    if report.guideline is not None:
+        reached = ", ".join(f"{c.name} {c.stars}" for c in report.guideline.criteria)
+        rows.append(("FADGI 2016", f"{reached} (stars of 4)"))
     stages = ", ".join(f"{stage} {seconds:.2f}" for stage, seconds in report.seconds.items())
     return [*rows, ("seconds", f"{report.seconds_total:.2f} ({stages})")]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -35,6 +36,8 @@ class Cells:
         The same in millimetres.
     light : (rows, cols, 3) float32
         Linear light, 1 at the greatest code value, of the brighter pixels: the paper's, where the cell shows any.
+    darker : (rows, cols) float32
+        How much darker [log] than these an eighth of the cell's pixels are at least: much where there is print.
     share : (rows, cols) float32
         Of the cell's pixels that are as bright as that: 1 in blank paper, less between letters.
     clipped : (rows, cols) float32
@@ -46,6 +49,7 @@ class Cells:
     side_px: int
     mm: float
     light: Field
+    darker: Field
     share: Field
     clipped: Field
     known: Bools
@@ -69,18 +73,18 @@ def cut(page: Page) -> Cells:
     pixels = pixels[..., None] if pixels.ndim == 2 else pixels
     rows, cols = (-(-n // side) for n in pixels.shape[:2])
     light = np.zeros((rows, cols, 3), np.float32)
-    share, clipped = np.zeros((2, rows, cols), np.float32)
+    darker, share, clipped = np.zeros((3, rows, cols), np.float32)
     known = np.zeros((rows, cols), bool)
     step = max(1, int(np.ceil(side / AT_MOST**0.5)))
     linear = linear_light(np.iinfo(pixels.dtype).max + 1)
     with crew() as run:
-        run(_measure, rows, pixels, page.known, linear, side, step, light, share, clipped, known, block=16)
-    return Cells(side, side * 25.4 / page.dpi, light, share, clipped, known)
+        run(_measure, rows, pixels, page.known, linear, side, step, light, darker, share, clipped, known, block=16)
+    return Cells(side, side * 25.4 / page.dpi, light, darker, share, clipped, known)
 
 
 @njit(cache=True, nogil=True)
 def _measure(  # type: ignore[no-untyped-def]
-    begin, end, pixels, page_known, linear, side, step, light, share, clipped, known
+    begin, end, pixels, page_known, linear, side, step, light, darker, share, clipped, known
 ):
     last, top = pixels.shape[2] - 1, len(linear) - 1
     for i in range(begin, end):
@@ -101,6 +105,7 @@ def _measure(  # type: ignore[no-untyped-def]
             if n > 0:
                 clipped[i, j] = full / n
                 share[i, j] = _mean_of_bright(found[:n], sorted_, light[i, j])
+                darker[i, j] = math.log(max(sorted_[(3 * n) // 4], 1e-4) / max(sorted_[n // 8], 1e-4))
 
 
 @njit(cache=True)

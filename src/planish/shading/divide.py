@@ -27,7 +27,7 @@ INKED = 0.0005
 """Part of the page that must be black print, for it to become black."""
 BLACKEST = 0.06
 """Ink that is paler than this is not made black."""
-INK = 0.9
+INK = 0.94
 """Of the light that the blackest ink sends back, so much is taken away."""
 
 

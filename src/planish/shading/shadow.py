@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
-import numpy as np
+import math
 
+import numpy as np
+from numba import njit
+
+from planish.crew import crew
 from planish.mesh import rasterise
 from planish.types import Floats, Mesh
 
@@ -43,19 +47,40 @@ def lit(mesh: Mesh, lamp: Floats, points: Floats, normals: Floats) -> Floats:
     depth = corner[:, 2][mesh.faces[np.maximum(face, 0)]]
     drawn = depth[..., 0] + w[..., 0] * (depth[..., 1] - depth[..., 0]) + w[..., 1] * (depth[..., 2] - depth[..., 0])
     drawn[face < 0] = np.inf
-    return _compared(drawn, (points - lamp) @ view.T, normals @ view.T, low, scale)
+    share = np.empty(points.shape[:-1])
+    rows = np.ascontiguousarray(points.reshape(-1, 3)), np.ascontiguousarray(normals.reshape(-1, 3))
+    with crew() as run:
+        run(_compare, share.size, drawn, *rows, lamp, view, low, scale, share.reshape(-1))
+    return share
 
 
-def _compared(drawn: Floats, seen: Floats, normals: Floats, low: Floats, scale: float) -> Floats:
+@njit(cache=True, nogil=True, error_model="numpy")
+def _compare(  # type: ignore[no-untyped-def]
+    first, last, drawn, points, normals, lamp, view, low, scale, share
+):
     """Share of nine pixels around each point (in the lamp's view) that show nothing nearer than the point."""
-    place = (seen[..., :2] / seen[..., 2:] - low) * scale + 1
-    col, row = np.moveaxis(np.clip(np.rint(place), 1, SIDE_PX - 2).astype(int), -1, 0)
-    facing = np.abs(np.einsum("...i,...i->...", normals, seen)) / np.linalg.norm(seen, axis=-1)
-    pixel_mm = seen[..., 2] / scale
-    # a slope crosses this much depth within the pixels that are compared
-    slack = SLACK_MM + 2 * pixel_mm * np.sqrt(1 - np.minimum(facing, 1) ** 2) / np.maximum(facing, 0.1)
-    free = [drawn[row + r, col + c] > seen[..., 2] - slack for r in (-1, 0, 1) for c in (-1, 0, 1)]
-    return np.asarray(np.mean(free, axis=0))
+    seen = np.empty(3)
+    for i in range(first, last):
+        facing = 0.0
+        for k in range(3):
+            seen[k] = 0.0
+            for m in range(3):
+                seen[k] += view[k, m] * (points[i, m] - lamp[m])
+            facing += normals[i, k] * (points[i, k] - lamp[k])
+        depth = seen[2]
+        if not depth > 0:  # behind the lamp, or no point at all
+            share[i] = 1.0
+            continue
+        col = int(min(max(round((seen[0] / depth - low[0]) * scale + 1), 1), SIDE_PX - 2))
+        row = int(min(max(round((seen[1] / depth - low[1]) * scale + 1), 1), SIDE_PX - 2))
+        facing = min(abs(facing) / math.sqrt(seen[0] ** 2 + seen[1] ** 2 + depth**2), 1.0)
+        # a slope crosses this much depth within the pixels that are compared
+        slack = SLACK_MM + 2 * depth / scale * math.sqrt(1 - facing**2) / max(facing, 0.1)
+        free = 0
+        for r in range(row - 1, row + 2):
+            for q in range(col - 1, col + 2):
+                free += drawn[r, q] > depth - slack
+        share[i] = free / 9
 
 
 def _view(forward: Floats) -> Floats:

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
+from planish.crew import crew
 from planish.mesh import project, rasterise
 from planish.shading.cells import Cells
-from planish.types import Bools, Floats, Ints, Scan
+from planish.types import Bools, Floats, Ints, Mesh, Scan
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,12 +49,44 @@ def surface_under(cells: Cells, scan: Scan, page_xy: Floats, normals: NDArray[np
     """
     faces = scan.mesh.faces
     face, w = rasterise(page_xy / cells.mm - 0.5, faces, cells.known.shape)
-    corner = faces[np.maximum(face, 0)]
-    carried = np.concatenate([scan.mesh.points, normals, _off_axis(scan)[:, None]], axis=1)
-    first = carried[corner[..., 0]]
-    at = first + w[..., :1] * (carried[corner[..., 1]] - first) + w[..., 1:] * (carried[corner[..., 2]] - first)
-    length = np.linalg.norm(at[..., 3:6], axis=2, keepdims=True)
-    return Surface(at[..., :3], at[..., 3:6] / np.maximum(length, 1e-9), at[..., 6], (face >= 0) & (length[..., 0] > 0))
+    at, turned = np.zeros((2, *face.shape, 3))
+    off_axis, known = np.zeros(face.shape), np.zeros(face.shape, bool)
+    carried = scan.mesh.points, normals, _off_axis(scan)
+    with crew() as run:
+        run(_carry, len(face), face, w, faces, *carried, at, turned, off_axis, known, block=16)
+    return Surface(at, turned, off_axis, known)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _carry(  # type: ignore[no-untyped-def]
+    first, last, face, w, faces, points, normals, off_axis, at, turned, off, known
+):
+    for r in range(first, last):
+        for q in range(face.shape[1]):
+            if face[r, q] < 0:
+                continue
+            weight = 1.0 - w[r, q, 0] - w[r, q, 1]
+            for k in range(3):
+                i = faces[face[r, q], k]
+                off[r, q] += weight * off_axis[i]
+                for d in range(3):
+                    at[r, q, d] += weight * points[i, d]
+                    turned[r, q, d] += weight * normals[i, d]
+                weight = float(w[r, q, min(k, 1)])
+            length = math.sqrt(turned[r, q, 0] ** 2 + turned[r, q, 1] ** 2 + turned[r, q, 2] ** 2)
+            known[r, q] = length > 0
+            for d in range(3):
+                turned[r, q, d] /= max(length, 1e-9)
+
+
+def coarse_mesh(surface: Surface, step: int) -> Mesh:
+    """A mesh of every so many known cells: enough to throw a shadow."""
+    some = surface.known[::step, ::step]
+    index = np.full(some.shape, -1, np.int32)
+    index[some] = np.arange(some.sum())
+    a, b, c, d = (k.ravel() for k in (index[:-1, :-1], index[:-1, 1:], index[1:, :-1], index[1:, 1:]))
+    faces = np.concatenate([np.stack([a, c, b], axis=1), np.stack([b, c, d], axis=1)])
+    return Mesh(surface.points[::step, ::step][some], faces[(faces >= 0).all(axis=1)])
 
 
 def _off_axis(scan: Scan) -> Floats:

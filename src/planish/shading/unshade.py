@@ -18,7 +18,7 @@ from planish.shading.cells import Cells, Field, cut
 from planish.shading.divide import divided
 from planish.shading.paper import followed, nearby_range
 from planish.shading.shadow import lit
-from planish.shading.surface import Surface, surface_under
+from planish.shading.surface import Surface, coarse_mesh, surface_under
 from planish.types import Bools, Floats, Page, Scan
 
 ENOUGH_PAPER = 200
@@ -30,6 +30,10 @@ CLOSING_MM = 6.0
 """What is darker than its surroundings and narrower than this is print to the background method."""
 DARKEST = 0.05
 """Where less light falls than this part of the page's middling light, only so much is made good: the rest is noise."""
+CLIPPED = 0.01
+"""Part of the page that may be clipped in the photo without a word: glints, and grain of paper just below white."""
+SHADOW_STEP_MM = 1.5
+"""The sheet is drawn as coarsely as that where it may shade itself: its edge is as sharp as the shadow's."""
 COLOURED = 0.5
 """Paper one of whose channels has less than this of the greatest is coloured, and its colour is kept."""
 
@@ -76,11 +80,17 @@ class Unshaded:
     clipped : (rows, cols) bool
         Where the photo has a channel at its greatest value.
     fit : ShadingFit
+    light : (rows, cols, 3) float32
+        Linear light that blank paper has at the middle of each cell of the page; the page was divided by it.
+    cell_px : int
+        Side of the cells in page pixels; the last ones may reach beyond the page.
     """
 
     page: Page
     clipped: Bools
     fit: ShadingFit
+    light: Field
+    cell_px: int
 
 
 def unshade(
@@ -121,28 +131,35 @@ def unshade(
             "the page shows too little blank paper to find the light from the sheet's shape; its shade was taken from "
             "the background instead",
         )
-    field, lamp = found or (_background(cells), None)
+    field, seam, lamp = found or (_background(cells), np.zeros(cells.known.shape, np.float32), None)
     if cells.known.any():
         field = np.maximum(field, np.median(field[cells.known], axis=0) + np.log(DARKEST, dtype=np.float32))
-    pixels, clipped = divided(page, np.exp(-field) * _kept_colour(field, cells), cells.side_px)
-    fit = _quality(cells, field, lamp, float((clipped & page.known).mean()), warnings)
-    return Unshaded(Page(pixels, page.known, page.dpi, page.icc), clipped, fit)
+    gain = np.exp(seam[..., None] - field) * _kept_colour(field, cells)
+    pixels, clipped = divided(page, gain, cells.side_px)
+    clipped_share = float((clipped & page.known).mean())
+    if clipped_share > CLIPPED:
+        warnings += (
+            f"{100 * clipped_share:.0f} % of the page is clipped in the photo: how bright it was there is not known; "
+            "expose less",
+        )
+    fit = _quality(cells, field, lamp, clipped_share, warnings)
+    return Unshaded(Page(pixels, page.known, page.dpi, page.icc), clipped, fit, np.exp(field), cells.side_px)
 
 
 def _by_geometry(
     cells: Cells, scan: Scan, page_xy: Floats, normals: NDArray[np.floating[Any]]
-) -> tuple[Field, lighting.Light] | None:
-    """Logarithm of the light of paper in each cell, and the lamp; None where there is too little paper."""
+) -> tuple[Field, Field, lighting.Light] | None:
+    """Logarithm of the light of paper in each cell, that of the seams, the lamp; None where paper is too little."""
     surface = surface_under(cells, scan, page_xy, normals)
     lamp = _lamp(cells, surface)
     if lamp is None:
         return None
-    share = lit(scan.mesh, lamp.lamp, surface.points, surface.normals)
+    shape = coarse_mesh(surface, max(1, round(SHADOW_STEP_MM / cells.mm)))
+    share = lit(shape, lamp.lamp, surface.points, surface.normals)
     bare = _filled(lamp.log_brightness(surface.points, surface.normals, surface.off_axis), surface.known)
     model = _filled(lamp.log_brightness(surface.points, surface.normals, surface.off_axis, share), surface.known)
     bend, edge = (max(1, round(mm / cells.mm)) for mm in (1.5, 4.0))
-    doubt = np.maximum(nearby_range(bare, bend), nearby_range(model - bare, edge))
-    return followed(cells, model, doubt), lamp
+    return *followed(cells, model, nearby_range(bare, bend), nearby_range(model - bare, edge)), lamp
 
 
 def _lamp(cells: Cells, surface: Surface) -> lighting.Light | None:
@@ -152,13 +169,9 @@ def _lamp(cells: Cells, surface: Surface) -> lighting.Light | None:
     if quiet.sum() < ENOUGH_PAPER:
         return None
     some = lighting.chosen(quiet)
-    lamp = lighting.fit(
-        surface.points[some], surface.normals[some], surface.off_axis[some], bright[some].astype(np.float64)
-    )
-    misfit = np.log(bright[some]) - lamp.log_brightness(
-        surface.points[some], surface.normals[some], surface.off_axis[some]
-    )
-    paper = (np.abs(misfit) < ALIKE).mean() * quiet.sum()
+    where = surface.points[some], surface.normals[some], surface.off_axis[some]
+    lamp = lighting.fit(*where, bright[some].astype(np.float64))
+    paper = (np.abs(np.log(bright[some]) - lamp.log_brightness(*where)) < ALIKE).mean() * quiet.sum()
     return lamp if paper > max(ENOUGH_PAPER, PAPER_SHARE * cells.known.sum()) else None
 
 

@@ -57,6 +57,7 @@ def make_sticks(mesh: Mesh, topology: Topology, lengths: Lengths = "smooth", *, 
         noise_mm=None if smoothed is None else smoothed.noise_mm,
         noise_left=1.0 if smoothed is None else smoothed.noise_left,
         turned=None if smoothed is None else smoothed.turned,
+        normals=None if smoothed is None else smoothed.normals,
     )
 
 

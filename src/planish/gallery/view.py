@@ -1,0 +1,165 @@
+"""What each pixel of a device sees of a bent sheet on its table: the place in space, and the place on the page."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from planish.gallery.photograph import INK, PAPER, TABLE
+from planish.gallery.sheets import Sheet, normals
+from planish.gallery.sight import FineMesh, facing, fine_mesh, interpolated, pixels_of, project, put_right
+from planish.mesh import depths, rasterise
+from planish.types import Bools, Camera, Floats, Ints, Page
+
+TABLE_MM = 800.0
+TABLE_CELL_MM = 20.0
+TABLE_DEPTH_MM = 0.1
+"""The table reaches so far to each side, and lies this little below z = 0, so that it never shows through the sheet."""
+
+FLAT_MM = 1e-3
+"""Faces that lie closer to the bent sheet are taken as they are; pixels on others are put right."""
+
+CELL_MM = 1.0
+"""Of the grid that the sheet is drawn with."""
+
+SHADOW_MM = 0.4
+"""What lies this much farther from a light than what the light sees there is in shadow."""
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """What the pixels of a device see.
+
+    Attributes
+    ----------
+    points : (rows, cols, 3) float64 [mm]
+        In the world; NaN where there is neither sheet nor table.
+    normals : (rows, cols, 3) float64
+        Unit normals (those of the sheet linear between points 1 mm apart) of what is seen, towards the viewer's side.
+    page_xy : (rows, cols, 2) float64 [mm]
+        Place on the page; NaN where the printed side is not seen.
+    """
+
+    points: Floats
+    normals: Floats
+    page_xy: Floats
+
+
+def device(
+    eye: tuple[float, float, float],
+    target: tuple[float, float, float],
+    view_mm: float,
+    shape_rc: tuple[int, int],
+    distortion: tuple[float, ...] = (),
+) -> Camera:
+    """Place a camera or a projector: it looks from `eye` at `target`, and its columns cover `view_mm` there.
+
+    Columns run along the table's x as far as the direction allows.
+
+    Examples
+    --------
+    >>> camera = device((0, 0, 600), (0, 0, 0), 300, (480, 640))
+    >>> camera.matrix[0].tolist(), camera.rotation.round(9).tolist()
+    ([1280.0, 0.0, 319.5], [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]])
+    """
+    away = np.subtract(target, eye).astype(float)
+    distance = float(np.linalg.norm(away))
+    forward = away / distance
+    right = np.array([1.0, 0, 0]) - forward[0] * forward
+    right /= np.linalg.norm(right)
+    rotation = np.stack([right, np.cross(forward, right), forward]) + 0.0
+    rows, cols = shape_rc
+    focal = cols * distance / view_mm
+    matrix = np.array([[focal, 0, (cols - 1) / 2], [0, focal, (rows - 1) / 2], [0, 0, 1]])
+    return Camera(matrix, rotation, -rotation @ np.asarray(eye, float), shape_rc, np.asarray(distortion, float))
+
+
+def zoomed(camera: Camera, zoom: int) -> Camera:
+    """The same view in finer pixels: each is cut into zoom x zoom."""
+    matrix = camera.matrix.copy()
+    matrix[:2] *= zoom
+    matrix[:2, 2] += (zoom - 1) / 2
+    rows, cols = camera.shape_rc
+    return replace(camera, matrix=matrix, shape_rc=(rows * zoom, cols * zoom))
+
+
+def view(sheet: Sheet, camera: Camera) -> View:
+    """Find what every pixel of a camera sees; on the sheet to a thousandth of a pixel, lens distortion and all."""
+    mesh, points, faces = _scene(sheet)
+    pixel_xy, depth = project(camera, points)
+    face, weights = rasterise(pixel_xy, faces, camera.shape_rc, nearness=1 / depth, perspective=True)
+    front = facing(pixel_xy, mesh.faces)
+    places = interpolated(face, weights, mesh.faces, mesh.page_xy)
+    bent = pixels_of(face, mesh.sagitta_mm > FLAT_MM)
+    places[bent] = put_right(sheet, mesh, camera, face[bent], places[bent], np.stack(bent[::-1], axis=1))
+    seen = interpolated(face, weights, faces, points)
+    seen[bent] = sheet.bend(places[bent])
+    upward = np.zeros_like(seen)
+    upward[..., 2] = 1.0
+    on_sheet = np.isfinite(places[..., 0])
+    upward[on_sheet] = interpolated(face, weights, mesh.faces, normals(sheet, mesh.page_xy))[on_sheet]
+    back = on_sheet & ~np.append(front, True)[np.where(face < len(front), face, -1)]
+    upward[back] *= -1
+    places[back] = np.nan
+    return View(seen, upward, places)
+
+
+def lit(sheet: Sheet, lamp: Camera, points: Floats, lamp_xy: NDArray[np.float32]) -> Bools:
+    """Which points of a scene a projector's light reaches: not those in the shadow of the sheet.
+
+    Parameters
+    ----------
+    sheet : Sheet
+    lamp : Camera
+    points : (..., 3) float64 [mm]
+    lamp_xy : (..., 2) float32 [px]
+        Where they lie on the projector.
+
+    Returns
+    -------
+    (...) bool
+    """
+    _, scene, faces = _scene(sheet)
+    pixel_xy, depth = project(lamp, scene)
+    face, weights = rasterise(pixel_xy, faces, lamp.shape_rc, nearness=1 / depth, perspective=True)
+    drawn = interpolated(face, weights, faces, depth[:, None])[..., 0]
+    farthest = ndimage.maximum_filter(np.nan_to_num(drawn, nan=np.inf), 3)
+    flat = points.reshape(-1, 3)
+    column, row = np.rint(np.nan_to_num(lamp_xy.reshape(-1, 2), nan=-1)).T
+    far = depths(lamp, flat)
+    inside = (row >= 0) & (row < len(drawn)) & (column >= 0) & (column < drawn.shape[1]) & (far > 0)
+    reached = np.zeros(len(flat), bool)
+    reached[inside] = far[inside] <= farthest[row[inside].astype(int), column[inside].astype(int)] + SHADOW_MM
+    return reached.reshape(points.shape[:-1])
+
+
+def reflectance(seen: View, page: Page, gamma: float = 2.2) -> Floats:
+    """Part of the light that what each pixel sees sends back: (rows, cols, 3), of print, blank paper or table."""
+    print_ = page.pixels if page.pixels.ndim == 3 else np.repeat(page.pixels[..., None], 3, axis=2)
+    known = np.isfinite(seen.page_xy[..., 0])
+    sent = np.where(np.isfinite(seen.points[..., :1]), TABLE, 0.0)
+    at = seen.page_xy[known][:, ::-1].T * (page.dpi / 25.4) - 0.5
+    for k in range(3):
+        light = (print_[..., k].astype(np.float32) / 255) ** gamma
+        sent[known, k] = PAPER[k] * (INK + (1 - INK) * ndimage.map_coordinates(light, at, order=1, mode="nearest"))
+    return np.asarray(sent)
+
+
+def binned(values: Floats, zoom: int) -> Floats:
+    """Means over zoom x zoom pixels: what a coarser sensor receives."""
+    rows, cols = values.shape[0] // zoom, values.shape[1] // zoom
+    return np.asarray(values.reshape(rows, zoom, cols, zoom, *values.shape[2:]).mean(axis=(1, 3)))
+
+
+def _scene(sheet: Sheet) -> tuple[FineMesh, Floats, Ints]:
+    """The sheet's grid, and points and faces of the sheet and the table under it."""
+    mesh = fine_mesh(sheet, CELL_MM)
+    x = np.linspace(-TABLE_MM, TABLE_MM, 1 + round(2 * TABLE_MM / TABLE_CELL_MM))
+    table = np.stack(np.meshgrid(x, x, [-TABLE_DEPTH_MM]), axis=-1).reshape(-1, 3)
+    index = len(mesh.points) + np.arange(len(table), dtype=np.int32).reshape(len(x), len(x))
+    a, b, c, d = (k.ravel() for k in (index[:-1, :-1], index[:-1, 1:], index[1:, :-1], index[1:, 1:]))
+    under = np.concatenate([np.stack([a, b, c], axis=1), np.stack([c, b, d], axis=1)])
+    return mesh, np.concatenate([mesh.points, table]), np.concatenate([mesh.faces, under])

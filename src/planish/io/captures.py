@@ -1,0 +1,86 @@
+"""Photos of one scene under different light, as one stack of grey images."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from pathlib import Path
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from planish.errors import InputError
+from planish.io.images import read_photo
+from planish.types import Pixels
+
+SUFFIXES = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp"}
+
+
+class Captures(NamedTuple):
+    """Grey frames (n, rows, cols) uint8 or uint16, the last but one in colour (rows, cols, 3), and the files."""
+
+    frames: NDArray[np.uint8] | NDArray[np.uint16]
+    photo: Pixels
+    paths: list[Path]
+
+
+def image_files(paths: Iterable[str | Path]) -> list[Path]:
+    """The files themselves, a folder standing for the images in it; numbers in names count as numbers.
+
+    Raises
+    ------
+    InputError
+        If there is none.
+    """
+    found: list[Path] = []
+    for path in map(Path, paths):
+        if path.is_dir():
+            inside = [p for p in path.iterdir() if p.suffix.lower() in SUFFIXES and not p.name.startswith(".")]
+            if not inside:
+                raise InputError(f"{path} holds no image; photos are wanted in it")
+            found += sorted(inside, key=_by_number)
+        else:
+            found.append(path)
+    if not found:
+        raise InputError("no photo was given; files or a folder are wanted")
+    return found
+
+
+def read_captures(paths: Iterable[str | Path]) -> Captures:
+    """Read photos that one camera took of one scene; a folder stands for the images in it.
+
+    Parameters
+    ----------
+    paths : iterable of str or Path
+        In their order; those of a folder by name.
+
+    Raises
+    ------
+    InputError
+        If a file is missing or damaged, or is not of the size or kind of the first.
+    """
+    files = image_files(paths)
+    frames: NDArray | None = None
+    photo: Pixels | None = None
+    for k, path in enumerate(files):
+        pixels = read_photo(path).pixels
+        if frames is None:
+            frames = np.empty((len(files), *pixels.shape[:2]), pixels.dtype)
+        if pixels.shape[:2] != frames.shape[1:] or pixels.dtype != frames.dtype:
+            raise InputError(
+                f"{path} has {pixels.shape[1]} x {pixels.shape[0]} pixels of {8 * pixels.dtype.itemsize} bits, but "
+                f"{files[0]} has {frames.shape[2]} x {frames.shape[1]} of {8 * frames.dtype.itemsize}; give photos of "
+                "one camera, taken alike"
+            )
+        frames[k] = cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY)
+        if k == max(0, len(files) - 2):
+            photo = pixels
+    assert frames is not None
+    assert photo is not None
+    return Captures(frames, photo, files)
+
+
+def _by_number(path: Path) -> list[tuple[int, str]]:
+    return [(int(part) if part.isdigit() else -1, part) for part in re.split(r"(\d+)", path.name)]

@@ -1,0 +1,231 @@
+"""Where the light of lasers lies, from JSON or CSV: fixed planes, one for each photo, or turned and shifted ones."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from planish.errors import InputError
+from planish.io.cameras import camera_as_json, camera_from_json
+from planish.io.files import read_bytes, write_json
+from planish.types import Camera, Floats
+
+_KEYS = {
+    "lasers",
+    "axis",
+    "angles_deg",
+    "direction",
+    "positions_mm",
+    "planes",
+    "photos",
+    "background",
+    "camera",
+    "note",
+}
+
+
+def read_rig(path: str | Path) -> tuple[Floats, Camera, list[str]]:
+    """Read two lasers that do not move, and the camera that stands with them.
+
+    Parameters
+    ----------
+    path : str or Path
+        JSON with ``"lasers": [[a, b, c, d], [a, b, c, d]]``, the upper one first, and ``"camera"`` in planish's own
+        form, as `write_rig` makes it. Planes are a x + b y + c z + d = 0 [mm] in the camera's world.
+
+    Returns
+    -------
+    planes : (2, 4) float64
+        With (a, b, c) of length 1.
+    camera : Camera
+    notes : list of str
+        What the file says of itself.
+
+    Raises
+    ------
+    InputError
+        If the file says nothing of the kind.
+    """
+    path = Path(path)
+    told = _told(path)
+    lost = [key for key in ("lasers", "camera") if key not in told]
+    if lost:
+        raise InputError(f"{path} does not say “{lost[0]}”; `planish calibrate laser-lines` makes such a file")
+    planes = _planes(path, "lasers", told["lasers"], 2)
+    if len(planes) != 2:
+        raise InputError(f"{path} has {len(planes)} lasers; two are wanted, the upper one first")
+    return planes, camera_from_json(path, told["camera"]), [str(told["note"])] if "note" in told else []
+
+
+def write_rig(path: str | Path, planes: Floats, camera: Camera, note: str | None = None) -> None:
+    """Write lasers and their camera so that `read_rig` takes them back."""
+    told = {"lasers": planes.tolist(), "camera": camera_as_json(camera)}
+    write_json(path, told if note is None else {**told, "note": note})
+
+
+def read_sweep(path: str | Path, photo_names: list[str]) -> Floats | tuple[Floats, Floats]:
+    r"""Read the planes of a sweep's photos, or the background by which they are to be found.
+
+    Parameters
+    ----------
+    path : str or Path
+        CSV with the columns a, b, c, d and, if the rows are in another order than the photos, photo. Or JSON with
+
+        - ``"planes"``: for each photo [a, b, c, d], or a list of such with several lines; and ``"photos"``, the names
+          of the files, if these are in another order;
+        - ``"lasers"``: [[a, b, c, d], ...] at angle 0, ``"axis"``: {"point": [x, y, z], "direction": [x, y, z]} and
+          ``"angles_deg"`` for each photo: a turning mirror or table that carries the laser;
+        - ``"lasers"``, ``"direction"`` and ``"positions_mm"`` for each photo: a laser on a slide with an encoder;
+        - ``"background"``: two of {"plane": [a, b, c, d], "region": [left, top, right, bottom]}: parts of the photos
+          in which the laser falls on known planes.
+    photo_names : list of str
+        File names of the photos, in their order.
+
+    Returns
+    -------
+    (photos, lines, 4) float64, or for a background its planes (k, 4) and regions (k, 4) [photo px]
+
+    Raises
+    ------
+    InputError
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     _ = Path(f"{folder}/a.csv").write_text("photo,a,b,c,d\n2.jpg,0,0,2,-8\n1.jpg,0,0,1,-3\n")
+    ...     read_sweep(f"{folder}/a.csv", ["1.jpg", "2.jpg"]).tolist()
+    [[[0.0, 0.0, 1.0, -3.0]], [[0.0, 0.0, 1.0, -4.0]]]
+    """
+    path = Path(path)
+    told = _from_csv(path) if path.suffix.lower() == ".csv" else _told(path)
+    if "background" in told:
+        return _background(path, told["background"])
+    if "planes" in told:
+        planes = told["planes"]
+        if isinstance(planes, list) and planes and np.ndim(planes[0]) == 1:
+            planes = [[plane] for plane in planes]
+        found = _planes(path, "planes", planes, 3)
+    elif "lasers" in told:
+        found = _moved(path, told, _planes(path, "lasers", told["lasers"], 2))
+    else:
+        raise InputError(f"{path} says nothing of the laser: “planes”, “lasers” or “background” is wanted")
+    return _in_order(path, found, told.get("photos"), photo_names)
+
+
+def _told(path: Path) -> dict[str, Any]:
+    try:
+        told = json.loads(read_bytes(path))
+    except (ValueError, RecursionError) as problem:
+        raise InputError(f"{path} is no JSON file: {problem}") from None
+    if not isinstance(told, dict):
+        raise InputError(f"{path} holds no lasers: a JSON object with their planes is wanted")
+    unknown = sorted(told.keys() - _KEYS)
+    if unknown:
+        raise InputError(f"{path} has “{unknown[0]}”, which is not known; known are {', '.join(sorted(_KEYS))}")
+    return told
+
+
+def _from_csv(path: Path) -> dict[str, Any]:
+    rows = list(csv.DictReader(read_bytes(path).decode("utf-8-sig", "replace").splitlines(), skipinitialspace=True))
+    lost = [key for key in "abcd" if not rows or key not in rows[0]]
+    if lost:
+        raise InputError(f"{path} has no column “{lost[0]}”; columns a, b, c, d and one row a photo are wanted")
+    told: dict[str, Any] = {"planes": [[row[key] for key in "abcd"] for row in rows]}
+    if "photo" in rows[0]:
+        told["photos"] = [row["photo"] for row in rows]
+    return told
+
+
+def _numbers(path: Path, name: str, value: object, dimensions: int) -> Floats:
+    try:
+        array = np.array(value, np.float64)
+    except (TypeError, ValueError, OverflowError):
+        raise InputError(f"{path}: “{name}” is no even array of numbers") from None
+    if array.ndim != dimensions or not array.size or not np.isfinite(array).all():
+        raise InputError(
+            f"{path}: “{name}” is empty, not finite, or has {array.ndim} levels where {dimensions} are wanted"
+        )
+    return array
+
+
+def _planes(path: Path, name: str, value: object, dimensions: int) -> Floats:
+    planes = _numbers(path, name, value, dimensions)
+    length = np.linalg.norm(planes[..., :3], axis=-1, keepdims=True)
+    if planes.shape[-1] != 4 or not (length > 0).all():
+        raise InputError(f"{path}: “{name}” must hold planes [a, b, c, d] whose a, b, c are not all 0")
+    return np.asarray(planes / length)
+
+
+def _vector(path: Path, name: str, value: object) -> Floats:
+    vector = _numbers(path, name, value, 1)
+    if vector.shape != (3,):
+        raise InputError(f"{path}: “{name}” has {len(vector)} numbers; 3 are wanted")
+    return vector
+
+
+def _moved(path: Path, told: dict[str, Any], lasers: Floats) -> Floats:
+    """Fixed planes turned about an axis, or shifted along a direction, for each photo."""
+    if "angles_deg" in told:
+        axis = told.get("axis")
+        if not isinstance(axis, dict) or not {"point", "direction"} <= axis.keys():
+            raise InputError(f"{path} has “angles_deg” but no “axis” with “point” and “direction”")
+        point, direction = (_vector(path, name, axis[name]) for name in ("point", "direction"))
+        if not np.linalg.norm(direction) > 0:
+            raise InputError(f"{path}: the axis's “direction” is 0")
+        angles = np.radians(_numbers(path, "angles_deg", told["angles_deg"], 1))
+        turns = np.stack([cv2.Rodrigues(angle * direction / np.linalg.norm(direction))[0] for angle in angles])
+        normals = np.einsum("fij,lj->fli", turns, lasers[:, :3])
+        # points on the axis keep their distance from the plane
+        return np.concatenate([normals, (lasers[:, :3] @ point + lasers[:, 3] - normals @ point)[..., None]], axis=2)
+    if "positions_mm" in told:
+        direction = _vector(path, "direction", told.get("direction"))
+        if not np.linalg.norm(direction) > 0:
+            raise InputError(f"{path}: “direction” is 0")
+        way = np.outer(_numbers(path, "positions_mm", told["positions_mm"], 1), direction / np.linalg.norm(direction))
+        planes = np.repeat(lasers[None], len(way), axis=0)
+        planes[..., 3] -= way @ lasers[:, :3].T
+        return planes
+    raise InputError(
+        f"{path} does not say where the lasers are in each photo: “angles_deg” or “positions_mm” is wanted"
+    )
+
+
+def _background(path: Path, value: object) -> tuple[Floats, Floats]:
+    if not isinstance(value, list) or len(value) < 2 or not all(isinstance(part, dict) for part in value):
+        raise InputError(f"{path}: “background” must hold two planes, each with its “region” of the photo")
+    lost = [key for part in value for key in ("plane", "region") if key not in part]
+    if lost:
+        raise InputError(f"{path}: a part of the “background” has no “{lost[0]}”")
+    planes = _planes(path, "background", [part["plane"] for part in value], 2)
+    regions = _numbers(path, "region", [part["region"] for part in value], 2)
+    if regions.shape[1] != 4:
+        raise InputError(f"{path}: a “region” must be [left, top, right, bottom] in photo pixels")
+    return planes, regions
+
+
+def _in_order(path: Path, planes: Floats, listed: object, photo_names: list[str]) -> Floats:
+    if listed is not None:
+        if not isinstance(listed, list) or len(listed) != len(planes):
+            raise InputError(f"{path}: “photos” must name one file for each of the {len(planes)} planes")
+        names = [Path(str(name)).name for name in listed]
+        lost = [name for name in photo_names if name not in names]
+        if lost:
+            raise InputError(
+                f"{path} has no plane for the photo {lost[0]}; it has planes for {', '.join(names[:4])} ..."
+            )
+        missing = [name for name in names if name not in photo_names]
+        if missing:
+            raise InputError(f"{path} has a plane for {missing[0]}, but no such photo was given; is it missing?")
+        return planes[[names.index(name) for name in photo_names]]
+    if len(planes) != len(photo_names):
+        raise InputError(
+            f"there are {len(photo_names)} photos, but {path} has planes for {len(planes)}; is a photo missing or "
+            "doubled, or the laser-off photo among them?"
+        )
+    return planes

@@ -1,0 +1,156 @@
+"""The page painted in bands, from one photo or from several."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from planish.crew import crew
+from planish.mesh import code_values
+from planish.render.blend import Blend
+from planish.render.cover import cover
+from planish.render.sample import maps_of_faces, sample
+from planish.render.sight import Sight
+from planish.types import Bools, Ints, Pixels
+
+BAND_PIXELS = 4_000_000
+"""So many page pixels are drawn at a time; the working memory is about 16 bytes for each, with several photos 40."""
+SLIGHT = 0.01
+"""A share of a pixel below this is drawn only where no photo has more."""
+
+
+def paint(
+    seen: Sequence[Sight], blend: Blend | None, shape_rc: tuple[int, int], px_per_mm: float
+) -> tuple[Pixels, Bools]:
+    """Draw all pixels of a page.
+
+    Parameters
+    ----------
+    seen : sequence of Sight
+    blend : Blend or None
+        How much of which to take; None for a single one.
+    shape_rc : (int, int)
+        Rows and columns of the page.
+    px_per_mm : float
+
+    Returns
+    -------
+    pixels : (rows, cols, 3) uint8 or uint16
+        Not filled where nothing is known.
+    known : (rows, cols) bool
+    """
+    rows, cols = shape_rc
+    dtype = np.result_type(*(sight.photo.dtype for sight in seen))
+    pixels, known = np.empty((rows, cols, 3), dtype), np.empty((rows, cols), np.bool_)
+    brushes = [_Brush(sight, px_per_mm) for sight in seen]
+    codes, band = code_values(dtype), max(1, BAND_PIXELS // cols)
+    light = np.empty((min(band, rows), cols, 3), np.float32)
+    for top in range(0, rows, band):
+        here = slice(top, min(top + band, rows))
+        if blend is None:
+            brushes[0].stroke(brushes[0].cover((here.stop - top, cols), top), top, light, known[here])
+        else:
+            _mix(brushes, blend, top, px_per_mm, light, known[here])
+        with crew() as run:
+            run(_encode, here.stop - top, light, known[here], codes, pixels[here], block=64)
+    return pixels, known
+
+
+class _Brush:
+    """A sight made ready to draw a page of certain pixels."""
+
+    def __init__(self, sight: Sight, px_per_mm: float) -> None:
+        chart = sight.chart
+        self.photo, self.faces = sight.photo, sight.faces
+        self.pixel_xy = chart.page_xy * px_per_mm - 0.5
+        self.maps = maps_of_faces(self.pixel_xy, chart.photo_xy, chart.jacobian / px_per_mm, sight.faces)
+
+    def cover(self, shape_rc: tuple[int, int], top: int) -> Ints:
+        return cover(self.pixel_xy, self.faces, shape_rc, top=top)
+
+    def stroke(self, face: Ints, top: int, light: NDArray[np.float32], known: Bools) -> None:
+        sample(self.photo, face, self.maps, top, light, known)
+
+
+def _mix(
+    brushes: Sequence[_Brush], blend: Blend, top: int, px_per_mm: float, total: NDArray[np.float32], known: Bools
+) -> None:
+    """Fill a band with the weighted mean of what the photos show; what none shows well, from any that shows it."""
+    rows, cols = known.shape
+    light, here = np.empty((rows, cols, 3), np.float32), np.empty((rows, cols), np.bool_)
+    mass = np.zeros((rows, cols), np.float32)
+    total[:rows] = 0
+    for slight in (False, True):
+        for i, brush in enumerate(brushes):
+            face = brush.cover((rows, cols), top)
+            place = top, px_per_mm * blend.cell_mm
+            with crew() as run:
+                run(_choose, rows, face, blend.shares[i], *place, mass, slight, block=64)
+                brush.stroke(face, top, light, here)
+                run(_add, rows, light, here, blend.shares[i], blend.gains[i], *place, slight, total, mass, block=64)
+    known[:] = mass > 0
+    with crew() as run:
+        run(_divide, rows, total, mass, block=64)
+
+
+@njit(cache=True)
+def _between(values, r, q, top, cell_px):  # type: ignore[no-untyped-def]
+    """Where a page pixel lies between cells: the upper left cell and the parts of the way to the next."""
+    y = min(max((r + top + 0.5) / cell_px - 0.5, 0.0), values.shape[0] - 1.0)
+    x = min(max((q + 0.5) / cell_px - 0.5, 0.0), values.shape[1] - 1.0)
+    i, j = min(int(y), max(values.shape[0] - 2, 0)), min(int(x), max(values.shape[1] - 2, 0))
+    return i, j, np.float32(y - i), np.float32(x - j)
+
+
+@njit(cache=True)
+def _mean(values, i, j, down, across):  # type: ignore[no-untyped-def]
+    below, right = min(i + 1, values.shape[0] - 1), min(j + 1, values.shape[1] - 1)
+    upper = values[i, j] + across * (values[i, right] - values[i, j])
+    lower = values[below, j] + across * (values[below, right] - values[below, j])
+    return upper + down * (lower - upper)
+
+
+@njit(cache=True, nogil=True)
+def _choose(begin, end, face, share, top, cell_px, mass, slight):  # type: ignore[no-untyped-def]
+    """Leave out the faces where this photo has next to no share; at last, those of pixels that are known already."""
+    for r in range(begin, end):
+        for q in range(face.shape[1]):
+            if face[r, q] >= 0 and slight:
+                if mass[r, q] > 0:
+                    face[r, q] = -1
+            elif face[r, q] >= 0 and _mean(share, *_between(share, r, q, top, cell_px)) < SLIGHT:
+                face[r, q] = -1
+
+
+@njit(cache=True, nogil=True)
+def _add(begin, end, light, here, share, gain, top, cell_px, slight, total, mass):  # type: ignore[no-untyped-def]
+    for r in range(begin, end):
+        for q in range(here.shape[1]):
+            if here[r, q]:
+                i, j, down, across = _between(share, r, q, top, cell_px)
+                part = np.float32(1) if slight else _mean(share, i, j, down, across)
+                for k in range(3):
+                    total[r, q, k] += part * _mean(gain[..., k], i, j, down, across) * light[r, q, k]
+                mass[r, q] += part
+
+
+@njit(cache=True, nogil=True)
+def _divide(begin, end, total, mass):  # type: ignore[no-untyped-def]
+    for r in range(begin, end):
+        for q in range(mass.shape[1]):
+            if mass[r, q] > 0:
+                for k in range(3):
+                    total[r, q, k] /= mass[r, q]
+
+
+@njit(cache=True, nogil=True)
+def _encode(begin, end, light, known, codes, pixels):  # type: ignore[no-untyped-def]
+    for r in range(begin, end):
+        for q in range(known.shape[1]):
+            if known[r, q]:
+                for k in range(3):
+                    level = min(max(light[r, q, k], np.float32(0)), np.float32(1))
+                    pixels[r, q, k] = codes[int(level * np.float32(65535) + np.float32(0.5))]

@@ -1,0 +1,257 @@
+"""The quality certificate: one sheet that says how good a restored page is, in pictures and figures."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planish.mesh import LUMINANCE
+from planish.report.drawing import FAINT, GREEN, INK, RED, SOFT, Sheet, length, wrapped
+from planish.report.heat import TOP, coloured, over_page
+from planish.types import Criterion, Floats, Restoration, Scan
+
+DPI = 200.0
+WIDTH, HEIGHT = 1654, 2339
+"""Pixels of A4 paper."""
+MARGIN = 120
+TITLE, HEADING, TEXT, SMALL, TINY = 66.0, 31.0, 27.0, 23.0, 20.0
+INNER = WIDTH - 2 * MARGIN
+GAP = 42
+THUMB = (520, 660)
+MAP_HEIGHT = 430
+CLIPPED = np.array([226, 62, 87], np.uint8)
+"""Colour on the map of light where the photo is clipped."""
+MOST_WARNINGS = 6
+"""Lines of notes that the sheet has room for."""
+
+
+def certificate(scan: Scan, done: Restoration, name: str = "") -> NDArray[np.uint8]:
+    """Draw the certificate of a restoration: A4 at 200 dpi.
+
+    The page, its figures, maps of strain, of the expected error, of the photo's resolution and of its light, the
+    limits of the FADGI guidelines that these figures can be held against, and the notes.
+
+    Parameters
+    ----------
+    scan : Scan
+    done : Restoration
+        Of that scan, with a page.
+    name : str
+        What is restored, for the title.
+
+    Returns
+    -------
+    (2339, 1654, 3) uint8
+    """
+    sheet = Sheet(WIDTH, HEIGHT)
+    _head(sheet, done, name)
+    top = 330.0
+    page = done.unshaded or done.rendered
+    assert page is not None
+    sheet.picture(page.pixels, (MARGIN, top, *THUMB))
+    _figures(sheet, done, MARGIN + THUMB[0] + 60, top)
+    y = _maps(sheet, scan, done, top + THUMB[1] + 72)
+    y = _guideline(sheet, done, y + 62)
+    _notes(sheet, done, y + 66)
+    return sheet.pixels
+
+
+def _head(sheet: Sheet, done: Restoration, name: str) -> None:
+    report = done.report
+    sheet.words((MARGIN, 150), "Quality certificate", TITLE)
+    sheet.words((WIDTH - MARGIN, 150), f"planish {report.version}", TEXT, SOFT, "rs")
+    if name:
+        sheet.words((MARGIN, 206), _shortened(name, HEADING, INNER), HEADING, SOFT)
+    sheet.rule(MARGIN, 234, INNER, INK, 3)
+    sheet.dot(MARGIN + 11, 275, 11, GREEN if report.settled else RED)
+    sheet.words((MARGIN + 38, 284), report.outcome, TEXT)
+
+
+def _shortened(text: str, size: float, width: float) -> str:
+    """The end of a text that is too long for a line."""
+    while length(text, size) > width:
+        text = "..." + text[4:]
+    return text
+
+
+def _figures(sheet: Sheet, done: Restoration, x: float, y: float) -> None:
+    """Groups of figures under their headings."""
+    right = WIDTH - MARGIN
+    y += 16
+    for heading, rows in _groups(done):
+        sheet.words((x, y), heading, SMALL, SOFT)
+        sheet.rule(x, y + 12, right - x)
+        y += 49
+        for what, how_much in rows:
+            sheet.words((x, y), what, TEXT)
+            sheet.words((right, y), how_much, TEXT, INK, "rs")
+            y += 36
+        y += 22
+
+
+def _groups(done: Restoration) -> list[tuple[str, list[tuple[str, str]]]]:
+    report = done.report
+    page, flat, light = report.page, report.flatten, report.shading
+    width, height = page.width_mm, page.height_mm
+    noise = "" if report.scan.noise_mm is None else f"noise {report.scan.noise_mm:.3f} mm"
+    groups = [
+        (
+            "PAGE",
+            [
+                ("size", f"{width:.1f} x {height:.1f} mm ({width / 25.4:.2f} x {height / 25.4:.2f} in)"),
+                ("drawn at", f"{page.dpi or 0:g} dpi"),
+                ("the photo has", f"{page.effective_ppi_median or 0:.0f} ppi (median)"),
+                ("over nine tenths at least", f"{page.effective_ppi_p10 or 0:.0f} ppi"),
+                ("seen by the photo", f"{100 * (page.known_fraction or 0):.1f} % of the page"),
+            ],
+        ),
+        (
+            "GEOMETRY",
+            [
+                ("scan", ", ".join(filter(None, [f"{report.scan.points:,} points", noise]))),
+                ("expected error", f"{flat.expected_error_mm:.3f} mm (rms)"),
+                ("strain", f"{100 * flat.strain_rms:.3f} % (rms), {100 * flat.strain_max:.2g} % at most"),
+                ("faces turned over, overlapping", f"{flat.flipped_faces:,}, {flat.overlaps:,}"),
+            ],
+        ),
+    ]
+    if light is not None:
+        groups.append(
+            (
+                "LIGHT",
+                [
+                    ("shade taken off by", light.method),
+                    (
+                        "paper even to",
+                        f"{100 * light.unevenness:.1f} % (before: {100 * light.unevenness_before:.0f} %)",
+                    ),
+                    ("fitted on", f"{100 * light.paper_share:.0f} % of the page"),
+                    ("clipped in the photo", f"{100 * light.clipped_share:.1f} % of the page"),
+                ],
+            )
+        )
+    return groups
+
+
+def _maps(sheet: Sheet, scan: Scan, done: Restoration, y: float) -> float:
+    """Four maps over the page, each with its scale; returns the y below them."""
+    flat = done.flattening
+    width = (INNER - 3 * GAP) / 4
+    height = min(MAP_HEIGHT, width * flat.size_mm[1] / flat.size_mm[0])
+    both = np.c_[100 * flat.local_strain, flat.error_mm]
+    strain, error = np.moveaxis(over_page(flat.page_xy, scan.mesh.faces, both, flat.size_mm, round(height)), 2, 0)
+    boxes = [(MARGIN + k * (width + GAP), y, width, height) for k in range(4)]
+    _map(sheet, boxes[0], "Strain", "%", strain, 0.0, _above(np.nanquantile(strain, TOP)))
+    _map(sheet, boxes[1], "Expected error", "mm", error, 0.0, _above(np.nanquantile(error, TOP)))
+    if done.ppi is not None:
+        _map(sheet, boxes[2], "Resolution of the photo", "ppi", done.ppi.astype(np.float64), *_span(done.ppi, 20))
+    if done.light is not None:
+        light, clipped = _light_of_paper(done)
+        _map(sheet, boxes[3], "Light on blank paper", "% of white", light, *_span(light, 10), marked=clipped)
+    return y + height + 150
+
+
+def _above(value: float) -> float:
+    """The next round number: a scale that ends there has a round number in its middle too."""
+    power = 10.0 ** np.floor(np.log10(max(value, 1e-12)))
+    return float(next(step * power for step in (1, 1.2, 1.6, 2, 3, 4, 5, 6, 8, 10) if step * power >= value * 0.999))
+
+
+def _span(values: Floats | NDArray[np.float32], step: float) -> tuple[float, float]:
+    """Round ends of a scale that holds nearly all values."""
+    low, high = (float(np.nanquantile(values, share)) / step for share in (1 - TOP, TOP))
+    return step * float(np.floor(low)), step * float(max(np.ceil(high), np.floor(low) + 1))
+
+
+def _light_of_paper(done: Restoration) -> tuple[Floats, NDArray[np.bool_]]:
+    """How bright blank paper was in the photo, as code values in percent, and where the photo is clipped."""
+    import cv2
+
+    assert done.light is not None
+    light = 100 * np.clip(done.light @ LUMINANCE, 0, 1).astype(np.float64) ** (1 / 2.2)
+    rows, cols = light.shape
+    if done.clipped is None:
+        return light, np.zeros((rows, cols), bool)
+    share = cv2.resize(np.asarray(done.clipped, np.float32), (cols, rows), interpolation=cv2.INTER_AREA)
+    return light, share > 0.5
+
+
+def _map(
+    sheet: Sheet,
+    box: tuple[float, float, float, float],
+    title: str,
+    unit: str,
+    values: Floats,
+    low: float,
+    high: float,
+    marked: NDArray[np.bool_] | None = None,
+) -> None:
+    """One map in its box (left, top, width, height), under its title and over its scale."""
+    x, y, width, height = box
+    sheet.words((x, y), title, TEXT)
+    picture = coloured(values, low, high)
+    if marked is not None:
+        picture[marked] = CLIPPED
+    sheet.picture(picture, (x, y + 22, width, height))
+    y += height + 40
+    bar = coloured(np.tile(np.linspace(low, high, round(width)), (18, 1)), low, high)
+    sheet.picture(bar, (x, y, width, 18), framed=False)
+    for share, anchor in ((0.0, "ls"), (0.5, "ms"), (1.0, "rs")):
+        sheet.words((x + share * width, y + 46), f"{low + share * (high - low):.3g}", SMALL, INK, anchor)
+    clipped = ", red: clipped" if marked is not None and marked.any() else ""
+    sheet.words((x + width / 2, y + 76), unit + clipped, SMALL, SOFT, "ms")
+
+
+def _guideline(sheet: Sheet, done: Restoration, y: float) -> float:
+    """The table of the guidelines; returns the y below it."""
+    found = done.report.guideline
+    if found is None:
+        return y
+    columns = [MARGIN + 560, *(MARGIN + 760 + 132 * k for k in range(4))]
+    sheet.words((MARGIN, y), "Beside the FADGI guidelines", HEADING)
+    for k, x in enumerate(columns[1:]):
+        sheet.words((x, y), f"{k + 1} star{'s' if k else ''}", SMALL, SOFT, "rs")
+    sheet.words((columns[0], y), "this page", SMALL, SOFT, "rs")
+    sheet.words((WIDTH - MARGIN, y), "reached", SMALL, SOFT, "rs")
+    sheet.rule(MARGIN, y + 16, INNER)
+    y += 56
+    for criterion in found.criteria:
+        _criterion(sheet, criterion, columns, y)
+        y += 44
+    sheet.rule(MARGIN, y - 26, INNER)
+    said = (
+        f"{found.name}. Not graded, as they need a reference target in the photo: {', '.join(found.not_graded)}. "
+        "These are figures of one page, no certification of a studio."
+    )
+    return sheet.lines((MARGIN, y + 6), said, TINY, INNER, SOFT)
+
+
+def _criterion(sheet: Sheet, criterion: Criterion, columns: list[int], y: float) -> None:
+    sheet.words((MARGIN, y), criterion.name.capitalize(), TEXT)
+    sheet.words((columns[0], y), f"{criterion.value:.3g} {criterion.unit}", TEXT, INK, "rs")
+    sign = "at least" if criterion.limits[-1] > criterion.limits[0] else "below"
+    for k, (x, limit) in enumerate(zip(columns[1:], criterion.limits, strict=True)):
+        sheet.words((x, y), f"{sign} {limit:g}", TINY, INK if k < criterion.stars else FAINT, "rs")
+    for k in range(4):
+        sheet.star(WIDTH - MARGIN - 14 - 34 * (3 - k), y - 9, 14, filled=k < criterion.stars)
+
+
+def _notes(sheet: Sheet, done: Restoration, y: float) -> None:
+    """The warnings, as far as there is room, over a last line that says what the figures mean."""
+    warnings = done.report.warnings
+    sheet.words((MARGIN, y), "Notes" if warnings else "No warnings", HEADING)
+    sheet.rule(MARGIN, y + 16, INNER)
+    y += 52
+    lines = [(k == 0, line) for said in warnings for k, line in enumerate(wrapped(said, SMALL, INNER - 30))]
+    for first, line in lines[:MOST_WARNINGS]:
+        if first:
+            sheet.dot(MARGIN + 8, y - 8, 4, SOFT)
+        sheet.words((MARGIN + 26, y), line, SMALL)
+        y += 32
+    if len(lines) > MOST_WARNINGS:
+        sheet.words((MARGIN + 26, y), "More in the report.", SMALL, SOFT)
+    said = (
+        "Expected error: rms distance of a point from its true place on the page, as far as strain and the scan's own "
+        "noise tell. Strain: how far the flat sheet's lengths are from the paper's."
+    )
+    sheet.lines((MARGIN, HEIGHT - 84), said, TINY, INNER, SOFT)
