@@ -1,0 +1,166 @@
+"""Calibration boards: drawn to be printed at true size, and found again in photos."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
+
+from planish.errors import UsageError
+from planish.types import Floats, Page
+
+Kind = Literal["charuco", "chessboard"]
+
+PX_PER_MM = 20
+"""Of the drawn board: every edge falls on a whole pixel when squares are whole fifths of a millimetre."""
+
+MARKER = 0.75
+"""Side of a marker against that of its square."""
+
+PAPER_MM = {"a4": (210.0, 297.0), "letter": (215.9, 279.4)}
+
+FEWEST = 8
+"""Corners that must be seen of a board: a pose has six numbers."""
+
+MARGIN_MM = 8.0
+"""That printers leave white."""
+
+
+@dataclass(frozen=True)
+class Board:
+    """A board of black and white squares, with markers in the white ones (ChArUco) or without (chessboard).
+
+    Attributes
+    ----------
+    columns, rows : int
+        Squares across and down; the corners between them are one fewer each way.
+    square_mm : float
+        Side of a square, as measured on the print.
+    kind : {"charuco", "chessboard"}
+        A ChArUco board may be seen in part; a chessboard must be seen whole, and is found in worse light.
+    """
+
+    columns: int = 7
+    rows: int = 10
+    square_mm: float = 25.0
+    kind: Kind = "charuco"
+
+    def __post_init__(self) -> None:
+        if not (3 <= self.columns <= 40 and 3 <= self.rows <= 40):
+            raise UsageError(
+                f"a board of {self.columns} x {self.rows} squares was asked for; 3 to 40 each way are wanted"
+            )
+        if not 0.1 <= self.square_mm <= 1000:
+            raise UsageError(f"squares of {self.square_mm:g} mm were asked for; 0.1 to 1000 mm are wanted")
+        if self.kind not in get_args(Kind):
+            raise UsageError(f"there is no board {self.kind!r}; choose one of {', '.join(get_args(Kind))}")
+
+
+def corner_places(board: Board) -> Floats:
+    """Where the board's inner corners lie on it, (k, 3) float64 [mm]: x along its rows, y down, z = 0.
+
+    Examples
+    --------
+    >>> corner_places(Board(4, 3, 10.0))[:4].tolist()
+    [[10.0, 10.0, 0.0], [20.0, 10.0, 0.0], [30.0, 10.0, 0.0], [10.0, 20.0, 0.0]]
+    """
+    x, y = np.meshgrid(np.arange(1, board.columns), np.arange(1, board.rows))
+    return np.asarray(np.stack([x.ravel(), y.ravel(), 0 * x.ravel()], axis=1) * board.square_mm, np.float64)
+
+
+def board_pixels(board: Board, square_px: int) -> NDArray[np.uint8]:
+    """Draw the squares, (rows, cols) uint8, each `square_px` wide, without a margin."""
+    if board.kind == "chessboard":
+        row, col = np.mgrid[: board.rows, : board.columns]
+        return np.kron(255 * ((row + col) % 2), np.ones((square_px, square_px))).astype(np.uint8)
+    size = board.columns * square_px, board.rows * square_px
+    return np.asarray(_charuco(board).generateImage(size, marginSize=0, borderBits=1), np.uint8)
+
+
+def board_page(board: Board, paper: str = "a4") -> Page:
+    """Draw a board on a sheet of paper, with a 100 mm scale to check the print by.
+
+    Raises
+    ------
+    UsageError
+        If it does not fit on the paper.
+    """
+    width, height = PAPER_MM[paper]
+    across, down = board.columns * board.square_mm, board.rows * board.square_mm
+    if (across > down) != (width > height):
+        width, height = height, width
+    if across > width - 2 * MARGIN_MM or down > height - 2 * MARGIN_MM - 8:
+        raise UsageError(
+            f"a board of {across:g} x {down:g} mm does not fit on {paper} ({width:g} x {height:g} mm, {MARGIN_MM:g} mm "
+            "of them white at each side); ask for smaller or fewer squares, or print it in parts on your own paper"
+        )
+    drawn = Image.fromarray(board_pixels(board, round(board.square_mm * PX_PER_MM)))
+    sheet = Image.new("L", (round(width * PX_PER_MM), round(height * PX_PER_MM)), 255)
+    sheet.paste(drawn, ((sheet.width - drawn.width) // 2, (sheet.height - drawn.height) // 2 - 3 * PX_PER_MM))
+    _scale(sheet, f"{board.columns} x {board.rows} squares of {board.square_mm:g} mm, {board.kind}; print at 100 %")
+    pixels = np.asarray(sheet) > 127
+    return Page(pixels, np.ones_like(pixels), PX_PER_MM * 25.4)
+
+
+def find_corners(board: Board, grey: NDArray[np.uint8]) -> tuple[NDArray[np.intp], Floats] | None:
+    """Find a board's corners in a photo.
+
+    Parameters
+    ----------
+    board : Board
+    grey : (rows, cols) uint8
+
+    Returns
+    -------
+    rows_of : (k,) int
+        Which of `corner_places` each is.
+    xy : (k, 2) float64 [px]
+        x right, y down, pixel centres at integers.
+    Or None where fewer than eight are seen.
+    """
+    stretched = cv2.normalize(grey, np.empty_like(grey), 0, 255, cv2.NORM_MINMAX)
+    if board.kind == "charuco":
+        corners, numbers, _, _ = cv2.aruco.CharucoDetector(_charuco(board)).detectBoard(stretched)
+        if corners is None or numbers is None or len(numbers) < FEWEST:
+            return None
+        return np.ravel(numbers).astype(np.intp), np.asarray(corners, np.float64).reshape(-1, 2)
+    size = board.columns - 1, board.rows - 1
+    flags = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_ACCURACY
+    found, corners = cv2.findChessboardCornersSB(stretched, size, flags=flags)
+    if not found:
+        return None
+    return np.arange(size[0] * size[1]), _sharpened(stretched, np.asarray(corners, np.float32).reshape(-1, 2), size[0])
+
+
+def _sharpened(grey: NDArray[np.uint8], corners: NDArray[np.float32], columns: int) -> Floats:
+    """Corners moved to where the grey's slopes meet: OpenCV's sector-based search leaves them up to a pixel off."""
+    side = float(np.median(np.linalg.norm(np.diff(corners.reshape(-1, columns, 2), axis=1), axis=2)))
+    window = int(np.clip(side / 4, 2, 11))
+    stop = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 50, 1e-3)
+    moved = cv2.cornerSubPix(grey, corners[:, None].copy(), (window, window), (-1, -1), stop)
+    return np.asarray(moved, np.float64).reshape(-1, 2)
+
+
+def _charuco(board: Board) -> cv2.aruco.CharucoBoard:
+    squares = board.columns * board.rows // 2
+    kinds = {250: cv2.aruco.DICT_5X5_250, 1000: cv2.aruco.DICT_5X5_1000}
+    dictionary = cv2.aruco.getPredefinedDictionary(kinds[250 if squares <= 250 else 1000])
+    size = (board.columns, board.rows)
+    return cv2.aruco.CharucoBoard(size, board.square_mm, MARKER * board.square_mm, dictionary)
+
+
+def _scale(sheet: Image.Image, text: str) -> None:
+    """Draw a scale of 100 mm with its ticks at the foot of the sheet, and a line of text."""
+    draw = ImageDraw.Draw(sheet)
+    left, base = MARGIN_MM * PX_PER_MM, sheet.height - (MARGIN_MM + 1) * PX_PER_MM
+    draw.line([(left, base), (left + 100 * PX_PER_MM, base)], 0, 4)
+    for mm in range(0, 101, 10):
+        x = left + mm * PX_PER_MM
+        draw.line([(x, base), (x, base - (3 if mm % 50 == 0 else 1.5) * PX_PER_MM)], 0, 4)
+    draw.text(
+        (left + 103 * PX_PER_MM, base), f"100 mm;  {text}", 0, ImageFont.load_default(2.4 * PX_PER_MM), anchor="ls"
+    )

@@ -1,0 +1,223 @@
+"""Depth cameras: several noisy depth maps and a colour photo become one scan."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from planish.acquire.grid_mesh import STEEPEST, Acquired, grid_mesh
+from planish.acquire.paper import sheet_mask
+from planish.acquire.triangulate import rays
+from planish.crew import crew
+from planish.errors import InputError
+from planish.mesh import project
+from planish.types import Bools, Camera, Floats, Pixels, Scan
+
+OUTLIER = 3.5
+"""Frames that differ from the median by more than so many standard deviations do not count in the mean."""
+
+COARSE = 0.005
+"""Nor do frames count as outliers within this part of the depth: depths often come in whole millimetres."""
+
+SEEN = 0.5
+"""A pixel counts where at least this part of the frames has a depth."""
+
+
+def from_depth(
+    frames: Sequence[Floats],
+    camera: Camera,
+    photo: Pixels,
+    photo_camera: Camera | None = None,
+    *,
+    mask: Bools | str | None = "auto",
+) -> Acquired:
+    """Make a scan from depth maps and a colour photo.
+
+    Parameters
+    ----------
+    frames : sequence of (rows, cols) float64 [mm]
+        Depth along the camera's axis; 0 or NaN where there is none. Several of the same still scene are averaged.
+    camera : Camera
+        The depth camera.
+    photo : (h, w, 3) uint8 or uint16
+    photo_camera : Camera, optional
+        That took the photo, in the same world as `camera`. By default the photo is registered to the depth maps:
+        of their size, or larger or smaller by the same factor both ways.
+    mask : (h, w) bool, "auto" or None
+        Where on the photo the sheet is. auto: bright paper on darker ground, if it stands out; None: everywhere.
+
+    Raises
+    ------
+    InputError
+        If the maps differ in size, hold no depth, or do not belong to the cameras.
+    """
+    stack = _stack(frames, camera)
+    seen_from = _photo_camera(camera, photo, photo_camera)
+    depth, agree = averaged(stack)
+    noise_mm = _noise(depth)
+    depth = without_flying_pixels(depth, camera, noise_mm)
+    points = back_projected(camera, depth)
+    sheet, warnings = sheet_mask(photo, mask)
+    if sheet is not None:
+        points = on_mask(points, seen_from, sheet)
+    mesh, pixel_xy = grid_mesh(points, camera, noise_mm=noise_mm)
+    column, row = pixel_xy.astype(int).T
+    scan = Scan(mesh, photo, project(seen_from, mesh.points), seen_from)
+    return Acquired(scan, agree[row, column], noise_mm, tuple(warnings))
+
+
+def averaged(stack: Floats | NDArray[np.float32]) -> tuple[Floats, Floats]:
+    """Average depth maps: the mean of the frames that lie near their median.
+
+    Parameters
+    ----------
+    stack : (frames, rows, cols) float32 or float64 [mm]
+        0 or NaN where a frame has no depth.
+
+    Returns
+    -------
+    depth : (rows, cols) float64 [mm]
+        NaN where fewer than half of the frames have one.
+    agree : (rows, cols) float64
+        Part of the frames that went into the mean.
+
+    Examples
+    --------
+    >>> stack = np.array([500.0, 501, 0, 499, 720, 500, 500, 501]).reshape(8, 1, 1)
+    >>> depth, agree = averaged(stack)
+    >>> depth.round(2).tolist(), agree.tolist()
+    ([[500.17]], [[0.75]])
+    """
+    frames, rows, cols = stack.shape
+    depth, agree = np.empty(rows * cols), np.empty(rows * cols)
+    with crew() as run:
+        run(_average, rows * cols, stack.reshape(frames, -1), depth, agree, block=1 << 13)
+    return depth.reshape(rows, cols), agree.reshape(rows, cols)
+
+
+@njit(cache=True, nogil=True)
+def _average(first, last, stack, depth, agree):  # type: ignore[no-untyped-def]
+    frames = len(stack)
+    values, away = np.empty(frames), np.empty(frames)
+    for i in range(first, last):
+        count = 0
+        for k in range(frames):
+            if stack[k, i] > 0.0 and stack[k, i] < np.inf:
+                values[count] = stack[k, i]
+                count += 1
+        depth[i], agree[i] = np.nan, 0.0
+        if count == 0 or count < SEEN * frames:
+            continue
+        middle = np.median(values[:count])
+        for k in range(count):
+            away[k] = abs(values[k] - middle)
+        reach = max(OUTLIER * 1.4826 * np.median(away[:count]), COARSE * middle)
+        total, used = 0.0, 0
+        for k in range(count):
+            if away[k] <= reach:
+                total += values[k]
+                used += 1
+        depth[i], agree[i] = total / used, used / frames
+
+
+def without_flying_pixels(depth: Floats, camera: Camera, noise_mm: float = 0.0) -> Floats:
+    """Take out pixels that hang in the air between a near and a far surface, as depth cameras make at edges.
+
+    Such a pixel's neighbours, left and right or above and below, lie one in front of it and one behind, each by more
+    than half the step at which surfaces are no longer joined.
+
+    Parameters
+    ----------
+    depth : (rows, cols) float64 [mm]
+    camera : Camera
+    noise_mm : float
+
+    Returns
+    -------
+    (rows, cols) float64 [mm]
+    """
+    flying = np.zeros(depth.shape, bool)
+    for axis in (0, 1):
+        d = np.moveaxis(depth, axis, 0)
+        half = np.maximum(STEEPEST / 2 * d[1:-1] / camera.matrix[1 - axis, 1 - axis], 4 * noise_mm)
+        before, after = d[1:-1] - d[:-2], d[2:] - d[1:-1]
+        between = (np.minimum(before, after) > half) | (np.maximum(before, after) < -half)
+        np.moveaxis(flying, axis, 0)[1:-1] |= between
+    return np.where(flying, np.nan, depth)
+
+
+def back_projected(camera: Camera, depth: Floats) -> Floats:
+    """Put depths along a camera's axis, (rows, cols) [mm], into the world: (rows, cols, 3) [mm]."""
+    rows, cols = depth.shape
+    xy = np.stack(np.meshgrid(np.arange(cols), np.arange(rows)), axis=-1).reshape(-1, 2).astype(np.float64)
+    directions, eye = rays(camera, xy)
+    along = depth.ravel() / (directions @ camera.rotation[2])
+    return np.asarray(eye + along[:, None] * directions).reshape(rows, cols, 3)
+
+
+def on_mask(points: Floats, camera: Camera, mask: Bools) -> Floats:
+    """The map of points (rows, cols, 3) with NaN where a photo's mask (h, w) is false, or the photo ends."""
+    column, row = np.rint(np.nan_to_num(project(camera, points.reshape(-1, 3)), nan=-1, posinf=-1, neginf=-1)).T
+    inside = (row >= 0) & (row < mask.shape[0]) & (column >= 0) & (column < mask.shape[1])
+    keep = np.zeros(len(row), bool)
+    keep[inside] = mask[row[inside].astype(int), column[inside].astype(int)]
+    return np.where(keep.reshape(*points.shape[:2], 1), points, np.nan)
+
+
+def _noise(depth: Floats) -> float:
+    """Standard deviation of the noise from pixel to pixel [mm]: of second differences, those of a surface are small."""
+    second = depth[:, :-2] - 2 * depth[:, 1:-1] + depth[:, 2:]
+    second = second[np.isfinite(second)]
+    return float(1.4826 * np.median(np.abs(second)) / np.sqrt(6)) if len(second) else 0.0
+
+
+def _stack(frames: Sequence[Floats], camera: Camera) -> NDArray[np.float32]:
+    shapes = [frame.shape for frame in frames]
+    odd = next((k for k, shape in enumerate(shapes) if shape != shapes[0]), None)
+    if odd is not None:
+        raise InputError(
+            f"depth map {odd + 1} is {_size(shapes[odd])} pixels, the first {_size(shapes[0])}; give maps of one camera"
+        )
+    if shapes[0] != tuple(camera.shape_rc):
+        raise InputError(
+            f"the depth maps are {_size(shapes[0])} pixels, but the depth camera's numbers are for "
+            f"{_size(camera.shape_rc)}; give the calibration of this camera at this size"
+        )
+    stack = np.stack([np.asarray(frame, np.float32) for frame in frames])
+    if not (stack > 0).any():
+        raise InputError(
+            f"no pixel of the {len(frames)} depth maps holds a depth: all are 0 or not finite; was the camera covered, "
+            "or the wrong channel saved?"
+        )
+    return stack
+
+
+def _photo_camera(camera: Camera, photo: Pixels, photo_camera: Camera | None) -> Camera:
+    """The camera of the photo: the one given, or the depth camera at the photo's size."""
+    shape = photo.shape[:2]
+    if photo_camera is not None:
+        if shape != tuple(photo_camera.shape_rc):
+            raise InputError(
+                f"the photo is {_size(shape)} pixels, but its camera's numbers are for {_size(photo_camera.shape_rc)}; "
+                "give the calibration of this camera at this size"
+            )
+        return photo_camera
+    down, across = (photo_side / side for photo_side, side in zip(shape, camera.shape_rc, strict=True))
+    if abs(down / across - 1) > 0.01:
+        raise InputError(
+            f"the photo is {_size(shape)} pixels and the depth maps {_size(camera.shape_rc)}: it is not registered to "
+            "them; give the photo's own camera with --photo-camera"
+        )
+    matrix = camera.matrix.copy()
+    for k, factor in enumerate((across, down)):
+        matrix[k] *= factor
+        matrix[k, 2] += (factor - 1) / 2  # pixel centres lie at integers
+    return replace(camera, matrix=matrix, shape_rc=(shape[0], shape[1]))
+
+
+def _size(shape_rc: tuple[int, ...]) -> str:
+    return f"{shape_rc[1]} x {shape_rc[0]}"

@@ -1,0 +1,162 @@
+"""Gray code: the patterns that a projector throws, and what a camera's photos of them say.
+
+The order is OpenCV's: for every bit of the projector's column, the highest first, a photo of the pattern and one of
+its inverse; the same for the rows; then all white, and all black.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from planish.crew import crew
+from planish.types import Bools, Floats, Ints, _freeze
+
+Grey = NDArray[np.uint8] | NDArray[np.uint16]
+
+SURE = 0.05
+"""A bit is read surely where pattern and inverse differ by this part of white and black. One bit of each code may
+be less sure than that: the one whose stripe ends at the pixel."""
+
+LIT = 0.02
+"""White must be brighter than black by this part of the brightest value for a pixel to be lit by the projector."""
+
+
+@dataclass(frozen=True, eq=False)
+class Codes:
+    """Which pixel of the projector each pixel of the camera sees.
+
+    Attributes
+    ----------
+    column, row : (rows, cols) int32
+        -1 where the code could not be read.
+    confidence : (rows, cols) float64
+        From 0 to 1: how far pattern and inverse are apart, against white and black, for the weakest sure bit.
+    """
+
+    column: Ints
+    row: Ints
+    confidence: Floats
+
+    def __post_init__(self) -> None:
+        _freeze(self)
+
+
+def bits_for(count: int) -> int:
+    """How many bits number so many columns or rows.
+
+    Examples
+    --------
+    >>> [bits_for(n) for n in (2, 768, 1024, 1025)]
+    [1, 10, 10, 11]
+    """
+    return max(1, int(count - 1).bit_length())
+
+
+def frame_count(shape_rc: tuple[int, int]) -> int:
+    """How many images the code of a projector of so many rows and columns has.
+
+    Examples
+    --------
+    >>> frame_count((800, 1280))
+    44
+    """
+    return 2 * (bits_for(shape_rc[1]) + bits_for(shape_rc[0])) + 2
+
+
+def patterns(shape_rc: tuple[int, int]) -> Iterator[NDArray[np.uint8]]:
+    """Make the images for a projector of so many rows and columns: (rows, cols) uint8, 0 or 255.
+
+    Examples
+    --------
+    >>> [int(image[0, 2]) for image in patterns((2, 4))]
+    [255, 0, 255, 0, 0, 255, 255, 0]
+    """
+    rows, cols = shape_rc
+    for count, across in ((cols, True), (rows, False)):
+        number = np.arange(count)
+        gray = number ^ (number >> 1)
+        for bit in reversed(range(bits_for(count))):
+            line = (255 * (gray >> bit & 1)).astype(np.uint8)
+            stripes = np.broadcast_to(line if across else line[:, None], (rows, cols))
+            yield np.ascontiguousarray(stripes)
+            yield 255 - stripes
+    yield np.full((rows, cols), 255, np.uint8)
+    yield np.zeros((rows, cols), np.uint8)
+
+
+def decode(frames: Grey, shape_rc: tuple[int, int]) -> Codes:
+    """Read the code at every pixel of the camera.
+
+    Parameters
+    ----------
+    frames : (n, rows, cols) uint8 or uint16
+        Grey, in the order of `patterns`.
+    shape_rc : (int, int)
+        Rows and columns of the projector.
+
+    Examples
+    --------
+    >>> codes = decode(np.stack(list(patterns((6, 8)))), (6, 8))
+    >>> codes.column[2, 5], codes.row[2, 5], codes.confidence[2, 5]
+    (np.int32(5), np.int32(2), np.float64(1.0))
+    """
+    rows, cols = frames.shape[1:]
+    flat = frames.reshape(len(frames), -1)
+    number = np.empty((2, rows * cols), np.int32)
+    confidence = np.empty(rows * cols)
+    bits = bits_for(shape_rc[1]), bits_for(shape_rc[0])
+    least = LIT * bright_end(frames)
+    with crew() as run:
+        sizes = bits[0], bits[1], shape_rc[1], shape_rc[0]
+        run(_decode, rows * cols, flat, *sizes, least, number, confidence, block=1 << 12)
+    return Codes(number[0].reshape(rows, cols), number[1].reshape(rows, cols), confidence.reshape(rows, cols))
+
+
+def bright_end(frames: Grey) -> float:
+    """The value of white that the frames' scale ends at: 255, or for 16 bits what they reach."""
+    return 255.0 if frames.dtype == np.uint8 else float(frames.max())
+
+
+@njit(cache=True, nogil=True)
+def _decode(first, last, frames, column_bits, row_bits, columns, rows, least, number, confidence):  # type: ignore[no-untyped-def]
+    count = last - first
+    contrast, sure_column, sure_row = (
+        np.empty(count, np.float32),
+        np.empty(count, np.float32),
+        np.empty(count, np.float32),
+    )
+    for i in range(count):
+        contrast[i] = np.float32(frames[-2, first + i]) - np.float32(frames[-1, first + i])
+    _number(first, count, frames, 0, column_bits, contrast, number[0], sure_column)
+    _number(first, count, frames, 2 * column_bits, row_bits, contrast, number[1], sure_row)
+    for i in range(count):
+        sure = min(sure_column[i], sure_row[i])
+        read = contrast[i] >= least and sure >= SURE and number[0, first + i] < columns and number[1, first + i] < rows
+        confidence[first + i] = sure if read else 0.0
+        if not read:
+            number[0, first + i], number[1, first + i] = -1, -1
+
+
+@njit(cache=True, nogil=True)
+def _number(first, count, frames, start, bits, contrast, number, sure):  # type: ignore[no-untyped-def]
+    """The numbers that one code gives, and how sure the second weakest bit of each is."""
+    bit, weakest = np.zeros(count, np.int32), np.full(count, np.float32(1.0))
+    number[first : first + count], sure[:] = 0, 1.0
+    for k in range(bits):  # frame by frame, as they lie in memory
+        for i in range(count):
+            apart = np.float32(frames[start + 2 * k, first + i]) - np.float32(frames[start + 2 * k + 1, first + i])
+            bit[i] ^= np.int32(apart > 0)  # binary bit k is the parity of the Gray bits from the highest to k
+            number[first + i] = 2 * number[first + i] + bit[i]
+            here = abs(apart) / max(contrast[i], np.float32(1.0))
+            sure[i] = min(sure[i], max(weakest[i], here))
+            weakest[i] = min(weakest[i], here)
+
+
+def lit_mask(frames: Grey) -> Bools:
+    """Where the projector's white reaches what the camera sees, (rows, cols)."""
+    return np.asarray(frames[-2].astype(np.float32) - frames[-1] >= LIT * bright_end(frames))

@@ -1,0 +1,91 @@
+"""A picture of a scan to look at before it is used: its relief, its photo laid on it, and how sure each point is."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from planish.acquire.grid_mesh import Acquired
+from planish.mesh import point_normals, rasterise, stand_on_table
+from planish.types import Bools, Floats, Mesh, Pixels
+
+ROWS, GAP = 900, 24
+TILT_DEG = 40.0
+"""From straight above towards the front."""
+
+GROUND = np.array([246, 246, 243], np.uint8)
+PAPER = np.array([214, 208, 196], np.float64)
+LIGHT = np.array([-0.5, 0.35, 0.79])
+
+
+def picture(made: Acquired) -> NDArray[np.uint8]:
+    """Draw a scan three times from the front and above: shaded; with its photo; confidence from dark (0) to light (1).
+
+    Parameters
+    ----------
+    made : Acquired
+        Its scan has a photo place for every point.
+
+    Returns
+    -------
+    (rows, cols, 3) uint8
+    """
+    scan = made.scan
+    assert scan.photo is not None
+    assert scan.photo_xy is not None
+    standing = _top_away(scan.photo_xy, stand_on_table(scan.mesh)[0])
+    shade = 0.35 + 0.75 * np.abs(point_normals(standing, scan.mesh.faces) @ LIGHT)
+    values = np.column_stack([shade, made.confidence, scan.photo_xy])
+    seen, drawn = _drawn(Mesh(standing, scan.mesh.faces), values)
+    panels = (_shaded(drawn[..., 0]), _photographed(scan.photo, drawn[..., 2:]), _coloured(drawn[..., 1]))
+    margin = np.tile(GROUND, (ROWS, GAP, 1))
+    whole = [margin]
+    for panel in panels:
+        whole += [np.where(seen[..., None], panel, GROUND), margin]
+    return np.hstack(whole)
+
+
+def _top_away(photo_xy: Floats, standing: Floats) -> Floats:
+    """The sheet turned on its table so that the photo's top lies away from the viewer."""
+    place = standing[:, :2] - standing[:, :2].mean(axis=0)
+    down = place.T @ (photo_xy[:, 1] - photo_xy[:, 1].mean())
+    x, y = -down / max(float(np.linalg.norm(down)), 1e-12)
+    return np.column_stack([place @ np.array([[y, x], [-x, y]]), standing[:, 2]])
+
+
+def _drawn(mesh: Mesh, values: Floats) -> tuple[Bools, Floats]:
+    """Draw a mesh from the front and above: where it is seen, and its values (n, k) there, (rows, cols, k)."""
+    t = np.radians(TILT_DEG)
+    right, up = mesh.points[:, 0], mesh.points[:, 1] * np.cos(t) + mesh.points[:, 2] * np.sin(t)
+    towards = mesh.points[:, 2] * np.cos(t) - mesh.points[:, 1] * np.sin(t)
+    scale = 0.94 * ROWS / max(np.ptp(up), 0.6 * np.ptp(right), 1e-9)
+    cols = int(np.ptp(right) * scale) + GAP
+    xy = np.column_stack([right - (right.max() + right.min()) / 2, (up.max() + up.min()) / 2 - up]) * scale
+    face, weight = rasterise(xy + [cols / 2, ROWS / 2], mesh.faces, (ROWS, cols), nearness=towards)
+    seen = face >= 0
+    corners, w = mesh.faces[face[seen]], weight[seen].astype(np.float64)
+    shares = np.column_stack([1 - w.sum(axis=1), w])
+    drawn = np.zeros((ROWS, cols, values.shape[1]))
+    drawn[seen] = np.einsum("pk,pkc->pc", shares, values[corners])
+    return seen, drawn
+
+
+def _shaded(shade: Floats) -> NDArray[np.uint8]:
+    return np.clip(shade[..., None] * PAPER, 0, 255).astype(np.uint8)
+
+
+def _coloured(confidence: Floats) -> NDArray[np.uint8]:
+    levels = (255 * np.clip(confidence, 0, 1)).astype(np.uint8)
+    return np.asarray(cv2.applyColorMap(levels, cv2.COLORMAP_VIRIDIS)[..., ::-1], np.uint8)
+
+
+def _photographed(photo: Pixels, photo_xy: Floats) -> NDArray[np.uint8]:
+    """The photo where it is seen, halved until its pixels are about as large as the panel's."""
+    small = photo if photo.dtype == np.uint8 else (photo >> 8).astype(np.uint8)
+    place = np.asarray(photo_xy, np.float32)
+    while min(small.shape[:2]) > 2 * ROWS:
+        small = cv2.resize(small, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+        place = ((place + 0.5) / 2 - 0.5).astype(np.float32)
+    drawn = cv2.remap(np.ascontiguousarray(small), place[..., 0], place[..., 1], cv2.INTER_LINEAR)
+    return np.asarray(drawn, np.uint8)

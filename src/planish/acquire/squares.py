@@ -1,0 +1,147 @@
+"""The corners of a squared sheet on a photo, numbered: known places on paper that may be bent."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from planish.types import Floats, Pixels
+
+LINE_PX = 7
+"""Length over which a printed line is straight enough to be averaged along."""
+
+GROUND_PX = 31
+"""Side of the neighbourhood whose brightness is paper's."""
+
+FAINTEST = 0.02
+"""Darkness of both lines at a corner, in parts of the paper's brightness, from which it counts."""
+
+NEAR = 0.3
+"""Of a square's side: so far from where its neighbours promise it a corner may lie."""
+
+FEWEST = 60
+"""Corners of one lattice; smaller ones are print that looks like squares."""
+
+
+class Squares(NamedTuple):
+    """One lattice of squares.
+
+    Attributes
+    ----------
+    ij : (n, 2) int
+        Column and row of every corner, counted in squares; where from does not matter.
+    xy : (n, 2) float64 [photo px]
+    """
+
+    ij: NDArray[np.int64]
+    xy: Floats
+
+
+def find_squares(photo: Pixels) -> list[Squares]:
+    """Find the lattices of squared sheets in a photo, the left one first.
+
+    Corners are where a dark line that runs across and one that runs down are both seen; neighbours are joined to
+    lattices step by step, each step predicted by the one before. Green laser light is not looked at.
+
+    Parameters
+    ----------
+    photo : (rows, cols, 3) uint8 or uint16
+        Lines within 25 degrees of its rows and columns, squares of 8 pixels or more.
+
+    Examples
+    --------
+    >>> photo = np.full((300, 400, 3), 220, np.uint8)
+    >>> photo[20::20], photo[:, 20::20] = 90, 90
+    >>> [squares] = find_squares(photo)
+    >>> len(squares.xy), bool(np.allclose(squares.xy, 20 + 20 * (squares.ij - squares.ij.min(axis=0)), atol=0.05))
+    (266, True)
+    """
+    corners = _corners(photo)
+    found: list[Squares] = []
+    free = np.ones(len(corners), bool)
+    while free.sum() >= FEWEST:
+        lattice = _grown(corners, free)
+        if lattice is None:
+            break
+        rows, ij = lattice
+        free[rows] = False
+        if len(rows) >= FEWEST:
+            found.append(Squares(ij, corners[rows]))
+    return sorted(found, key=lambda squares: float(squares.xy[:, 0].mean()))
+
+
+def _corners(photo: Pixels) -> Floats:
+    """Places (n, 2) where two lines cross, the clearest first."""
+    grey = (photo[..., 0].astype(np.float32) + photo[..., 2]) / 2
+    paper = cv2.GaussianBlur(cv2.dilate(grey, np.ones((GROUND_PX, GROUND_PX))), (0, 0), GROUND_PX / 2)
+    dark = cv2.GaussianBlur(1 - grey / np.maximum(paper, 1), (0, 0), 0.8)
+    across, down = (cv2.blur(dark, size) for size in ((LINE_PX, 1), (1, LINE_PX)))
+    # a line is darker than what lies three pixels to either side of it
+    ridge_across = across - np.maximum(np.roll(across, 3, axis=0), np.roll(across, -3, axis=0))
+    ridge_down = down - np.maximum(np.roll(down, 3, axis=1), np.roll(down, -3, axis=1))
+    response = cv2.GaussianBlur(np.minimum(ridge_across, ridge_down), (0, 0), 1.0)
+    top = (response >= cv2.dilate(response, np.ones((5, 5)))) & (response > FAINTEST)
+    top[:4], top[-4:], top[:, :4], top[:, -4:] = False, False, False, False
+    rows, cols = np.nonzero(top)
+    order = np.argsort(-response[rows, cols])
+    rows, cols = rows[order], cols[order]
+    place = np.column_stack([cols, rows]).astype(np.float64)
+    for axis, (r, c) in enumerate(((0, 1), (1, 0))):  # the top of a parabola through three pixels
+        before, here, behind = response[rows - r, cols - c], response[rows, cols], response[rows + r, cols + c]
+        bend = np.minimum(before + behind - 2 * here, -1e-9)
+        place[:, axis] += np.clip((before - behind) / (2 * bend), -0.5, 0.5)
+    return place
+
+
+def _grown(corners: Floats, free: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]] | None:
+    """The lattice around the clearest free corner that has four neighbours: its rows, and their (i, j)."""
+    tree = cKDTree(corners)
+    for seed in np.flatnonzero(free):
+        steps = _steps(corners, tree, int(seed))
+        if steps is not None:
+            return _walked(corners, free, tree, int(seed), steps)
+    return None
+
+
+def _steps(corners: Floats, tree: cKDTree, seed: int) -> tuple[Floats, Floats] | None:
+    """One square to the right and one down from a corner, from its four neighbours; None if they are not alike."""
+    _, near = tree.query(corners[seed], k=9)
+    way = corners[near[1:]] - corners[seed]
+    steps = []
+    for axis in (0, 1):
+        straight = np.abs(way[:, 1 - axis]) < 0.5 * np.abs(way[:, axis])
+        ahead, back = way[straight & (way[:, axis] > 0)], way[straight & (way[:, axis] < 0)]
+        if not len(ahead) or not len(back):
+            return None
+        ahead, back = ahead[0], back[0]  # nearest first
+        if np.linalg.norm(ahead + back) > NEAR * np.linalg.norm(ahead):
+            return None
+        steps.append((ahead - back) / 2)
+    return steps[0], steps[1]
+
+
+def _walked(
+    corners: Floats, free: NDArray[np.bool_], tree: cKDTree, seed: int, steps: tuple[Floats, Floats]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Breadth first from corner to corner; every corner keeps the steps that led to it."""
+    place = {(0, 0): seed}
+    taken = {seed}
+    queue = [((0, 0), steps)]
+    for (i, j), (right, down) in queue:  # grows while it is walked
+        here = corners[place[i, j]]
+        for di, dj, step in ((1, 0, right), (-1, 0, -right), (0, 1, down), (0, -1, -down)):
+            there = (i + di, j + dj)
+            if there in place:
+                continue
+            off, k = tree.query(here + step)
+            if off > NEAR * np.linalg.norm(step) or k in taken or not free[k]:
+                continue
+            place[there] = int(k)
+            taken.add(int(k))
+            way = (corners[k] - here) * (di + dj)
+            queue.append((there, (way, down) if di else (right, way)))
+    return np.array(list(place.values())), np.array(list(place.keys()))

@@ -1,0 +1,278 @@
+"""Virtual devices: a depth camera, and a camera beside a projector, before a sheet of the gallery."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from scipy import ndimage
+from scipy.spatial.transform import Rotation
+
+from planish.crew import crew
+from planish.gallery.light import Light
+from planish.gallery.photograph import photograph
+from planish.gallery.sheets import Sheet
+from planish.gallery.sight import fine_mesh
+from planish.gallery.typeset import typeset_sheet
+from planish.gallery.view import View, binned, device, lit, reflectance, view, zoomed
+from planish.mesh import depths, project
+from planish.types import Camera, Floats, Page, Pixels
+
+LENS = (-0.12, 0.10, 0.0006, -0.0004)
+"""Of the virtual cameras: a few pixels of barrel in the corners."""
+
+PROJECTOR_LENS = (-0.05, 0.02, 0.0, 0.001)
+
+SUB = 2
+"""A pixel of a virtual camera gathers the light of so many by so many places."""
+
+BLUR_PX = 0.5
+"""Standard deviation of the virtual camera's lens blur, in its pixels."""
+
+SMALL_RIG = (512, 640), (400, 640)
+"""Rows and columns of a camera and a projector with half the pixels each way."""
+
+AMBIENT = 0.06
+"""Light of the room against the projector's white."""
+
+
+@dataclass(frozen=True, eq=False)
+class DepthCapture:
+    """What a depth camera delivers, and the truth.
+
+    Attributes
+    ----------
+    frames : list of (rows, cols) float64 [mm]
+        Depth along the camera's axis in whole millimetres; 0 where there is none.
+    camera, photo_camera : Camera
+    photo : (h, w, 3) uint8
+    page : Page
+        What is printed on the sheet.
+    """
+
+    frames: list[Floats]
+    camera: Camera
+    photo: Pixels
+    photo_camera: Camera
+    page: Page
+
+
+def depth_capture(
+    sheet: Sheet,
+    *,
+    frames: int = 30,
+    noise_mm: float = 1.0,
+    shape_rc: tuple[int, int] = (480, 640),
+    photo_px: tuple[int, int] = (2000, 1500),
+    printed: Page | None = None,
+    rng: np.random.Generator | int = 0,
+) -> DepthCapture:
+    """Film a sheet with a depth camera, and take a photo with the colour camera 25 mm beside it.
+
+    The noise is normal, grows with the square of the depth (`noise_mm` is that at the table) and is new in every
+    frame; depths come in whole millimetres. At edges a pixel gathers both what is near and what is far, so that it
+    hangs between them; 0.5 % of the pixels see nothing.
+
+    Parameters
+    ----------
+    sheet : Sheet
+    frames : int
+    noise_mm : float
+    shape_rc : (int, int)
+        Rows and columns of the depth maps.
+    photo_px : (int, int)
+        Long and short side of the photo.
+    printed : Page, optional
+        By default `typeset_sheet(sheet)`.
+    rng : numpy.random.Generator or int
+
+    Examples
+    --------
+    >>> from planish.gallery import sheet
+    >>> made = depth_capture(sheet("book"), frames=2, shape_rc=(60, 80), photo_px=(200, 150))
+    >>> len(made.frames), made.frames[0].shape, made.photo.shape
+    (2, (60, 80), (200, 150, 3))
+    """
+    rng = np.random.default_rng(rng)
+    page = printed or typeset_sheet(sheet)[0]
+    camera = device((0, 0, 520), (0, 0, 10), 1.15 * _width_to_see(sheet, shape_rc), shape_rc)
+    long, short = max(photo_px), min(photo_px)
+    upright = sheet.height_mm >= sheet.width_mm
+    photo_rc = (long, short) if upright else (short, long)
+    photo_camera = device((25, 0, 520), (0, 0, 10), 1.12 * _width_to_see(sheet, photo_rc), photo_rc, LENS)
+    fine = binned(_depth_at(view(sheet, zoomed(camera, SUB)), camera), SUB)
+    photo = photograph(sheet, fine_mesh(sheet, 1.0), page, photo_camera, Light(), 1.0, rng)
+    return DepthCapture(list(_noisy(fine, frames, noise_mm, rng)), camera, photo, photo_camera, page)
+
+
+def _noisy(depth: Floats, frames: int, noise_mm: float, rng: np.random.Generator) -> Iterator[Floats]:
+    typical = np.nanmedian(depth)
+    for _ in range(frames):
+        frame = np.rint(depth + noise_mm * (depth / typical) ** 2 * rng.standard_normal(depth.shape))
+        frame[~np.isfinite(frame) | (rng.random(depth.shape) < 0.005)] = 0
+        yield frame
+
+
+def _depth_at(seen: View, camera: Camera) -> Floats:
+    return depths(camera, seen.points.reshape(-1, 3)).reshape(seen.points.shape[:2])
+
+
+def _width_to_see(sheet: Sheet, shape_rc: tuple[int, int]) -> float:
+    """Width of the field of view that holds the whole sheet."""
+    rows, cols = shape_rc
+    return max(sheet.width_mm, sheet.height_mm * cols / rows)
+
+
+def projector_rig(
+    sheet: Sheet, camera_rc: tuple[int, int] = (1024, 1280), projector_rc: tuple[int, int] = (800, 1280)
+) -> tuple[Camera, Camera]:
+    """Place a camera over a sheet and a projector 220 mm to its left, both with lenses; the table is the world.
+
+    Returns
+    -------
+    camera, projector : Camera
+    """
+    camera = device((10, 0, 620), (0, 0, 10), 1.1 * _width_to_see(sheet, camera_rc), camera_rc, LENS)
+    width = 1.25 * _width_to_see(sheet, projector_rc)
+    return camera, device((-210, 15, 590), (0, 0, 10), width, projector_rc, PROJECTOR_LENS)
+
+
+@dataclass(frozen=True, eq=False)
+class PatternCapture:
+    """Photos of a sheet under a projector's patterns.
+
+    Attributes
+    ----------
+    frames : (n, rows, cols) uint8
+        Grey, in linear light, as a camera of the machine vision kind delivers them.
+    photo : (rows, cols, 3) uint8
+        In colour, under white.
+    """
+
+    frames: NDArray[np.uint8]
+    photo: NDArray[np.uint8]
+
+
+def structured_light(
+    sheet: Sheet,
+    camera: Camera,
+    projector: Camera,
+    patterns: Iterable[NDArray[np.uint8]],
+    page: Page,
+    *,
+    noise: float = 1.0,
+    exposure: float = 0.85,
+    rng: np.random.Generator | int = 0,
+) -> PatternCapture:
+    """Take a photo of a sheet under each of a projector's patterns.
+
+    Parameters
+    ----------
+    sheet : Sheet
+    camera, projector : Camera
+    patterns : iterable of (rows, cols) uint8
+        Of the projector's size.
+    page : Page
+        What is printed on the sheet.
+    noise : float
+        Standard deviation of the sensor's noise, in levels of 255.
+    exposure : float
+        Value, 0 to 1, of the brightest paper under white; over 1 the photos are clipped there.
+    rng : numpy.random.Generator or int
+    """
+    rng = np.random.default_rng(rng)
+    seen = view(sheet, zoomed(camera, SUB))
+    at = project(projector, seen.points.reshape(-1, 3)).astype(np.float32).reshape(*seen.points.shape[:2], 2)
+    light = _light_from(projector, sheet, seen, at, exposure)
+    colours = reflectance(seen, page).astype(np.float32)
+    grey = colours.mean(axis=2)
+
+    def exposed(pattern: NDArray[np.uint8], sent: NDArray[np.float32]) -> NDArray[np.uint8]:
+        levels = np.zeros(camera.shape_rc, np.float32)
+        with crew() as run:
+            run(_expose, len(levels), pattern, at, light, np.float32(AMBIENT * exposure), sent, levels, block=64)
+        levels = 255 * ndimage.gaussian_filter(levels, BLUR_PX)
+        levels += np.float32(noise) * rng.standard_normal(levels.shape, np.float32)
+        return np.clip(np.rint(levels), 0, 255).astype(np.uint8)
+
+    frames = np.stack([exposed(pattern, grey) for pattern in patterns])
+    white = np.full(projector.shape_rc, 255, np.uint8)
+    photo = np.stack([exposed(white, np.ascontiguousarray(colours[..., k])) for k in range(3)], axis=-1)
+    return PatternCapture(frames, photo)
+
+
+def _light_from(
+    projector: Camera, sheet: Sheet, seen: View, at: NDArray[np.float32], exposure: float
+) -> NDArray[np.float32]:
+    """Light that full white of a projector throws on what each pixel sees; `exposure` on the brightest paper."""
+    way = -projector.rotation.T @ projector.translation - seen.points
+    distance = np.linalg.norm(way, axis=-1)
+    falls = np.clip((way * seen.normals).sum(axis=-1) / distance, 0, None) / distance**2
+    falls *= lit(sheet, projector, seen.points, at)
+    brightest = np.nanmax(np.where(np.isfinite(seen.page_xy[..., 0]), falls, np.nan))
+    return np.nan_to_num(falls * exposure / ((1 + AMBIENT) * brightest)).astype(np.float32)
+
+
+@njit(cache=True, nogil=True)
+def _expose(first, last, pattern, at, light, room, sent, levels):  # type: ignore[no-untyped-def]
+    """Light, 0 to 1, that pixels receive in the mean of their places; the pattern is linear between its pixels."""
+    rows, cols = pattern.shape
+    for r in range(first, last):
+        for q in range(levels.shape[1]):
+            for i in range(SUB * r, SUB * r + SUB):
+                for j in range(SUB * q, SUB * q + SUB):
+                    x, y = at[i, j, 0], at[i, j, 1]
+                    thrown = np.float32(0.0)
+                    if 0.0 <= x < cols - 1 and 0.0 <= y < rows - 1:
+                        c, d = int(x), int(y)
+                        fx, fy = x - np.float32(c), y - np.float32(d)
+                        above = (1 - fx) * pattern[d, c] + fx * pattern[d, c + 1]
+                        below = (1 - fx) * pattern[d + 1, c] + fx * pattern[d + 1, c + 1]
+                        thrown = ((1 - fy) * above + fy * below) / np.float32(255.0)
+                    levels[r, q] += sent[i, j] * (light[i, j] * thrown + room) / (SUB * SUB)
+
+
+def posed(
+    pixels: NDArray[np.uint8], square_px: int, square_mm: float, turn: Floats, middle: Floats
+) -> tuple[Sheet, Page]:
+    """Hold a stiff flat board over the table.
+
+    Parameters
+    ----------
+    pixels : (rows, cols) uint8
+        Its print.
+    square_px, square_mm : int, float
+        That so many pixels are so many millimetres.
+    turn : (3,) float64 [rad]
+        Rotation vector, from the board lying with its top away from the viewer.
+    middle : (3,) float64 [mm]
+        Place of its middle.
+    """
+    size = np.array([pixels.shape[1], pixels.shape[0]]) * square_mm / square_px
+    rotation = Rotation.from_rotvec(turn).as_matrix()
+
+    def bend(xy: Floats) -> Floats:
+        lying = np.column_stack([xy[:, 0] - size[0] / 2, size[1] / 2 - xy[:, 1], np.zeros(len(xy))])
+        return np.asarray(lying @ rotation.T + middle)
+
+    board = Sheet("board", float(size[0]), float(size[1]), bend)
+    return board, Page(pixels, np.ones(pixels.shape, bool), 25.4 * square_px / square_mm)
+
+
+def board_poses(count: int, rng: np.random.Generator | int = 0) -> Iterator[tuple[Floats, Floats]]:
+    """Ways to hold a board of about 175 x 125 mm before the virtual rig: tilted to all sides, here and there.
+
+    Yields
+    ------
+    turn : (3,) float64 [rad]
+    middle : (3,) float64 [mm]
+    """
+    rng = np.random.default_rng(rng)
+    for k in range(count):
+        around = 2 * np.pi * k / count
+        tilt = np.radians(rng.uniform(18, 32))
+        turn = tilt * np.array([np.cos(around), np.sin(around), 0.0]) + [0, 0, rng.uniform(-0.2, 0.2)]
+        yield turn, np.array([rng.uniform(-35, 35), rng.uniform(-30, 30), rng.uniform(60, 110)])

@@ -1,0 +1,278 @@
+"""A virtual laser scanner: a line swept over a bent sheet, photo by photo, with ink, grain and speckle.
+
+The sheet lies on black cloth, which sends no laser light back. Photos are sRGB. Each photo pixel is the mean of
+2 x 2 places, so an edge of ink inside the pixel acts on the line as in a real camera.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from planish.crew import crew
+from planish.gallery.light import Light, irradiance, visibility
+from planish.gallery.photograph import photograph
+from planish.gallery.scanner import overhead_camera
+from planish.gallery.sheets import Sheet, normals
+from planish.gallery.sight import FineMesh, covered, fine_mesh, interpolated, pixels_of, put_right
+from planish.gallery.typeset import typeset_sheet
+from planish.mesh import code_values
+from planish.types import Camera, Floats, Page
+
+MIRROR_MM = (-380.0, 0.0, 420.0)
+"""Where the laser's light comes from: 40 degrees to the left of the camera."""
+
+ROOM = Light(exposure=0.35, shadows=False)
+"""Dim enough to leave room for the laser's light."""
+
+LASER_COLOUR = np.array([0.05, 1.0, 0.08])
+"""Of a green laser, as the camera sees it: red, green, blue."""
+
+FINER = 2
+"""Places across a photo pixel."""
+
+CELL_MM = 1.0
+FLAT_MM = 0.002
+"""A face with less sagitta is drawn as flat: 1/50 of what the scanner is held to."""
+
+
+@dataclass(frozen=True, eq=False)
+class VirtualSweep:
+    """Photos of a sheet under a laser line, and the truth about it.
+
+    Attributes
+    ----------
+    photo : (rows, cols, 3) uint8
+        With the laser off.
+    planes : (frames, lines, 4) float64
+        a x + b y + c z + d = 0 [mm], (a, b, c) of length 1.
+    frame : callable
+        Number of the frame -> photo (rows, cols, 3) uint8 with the laser on.
+    camera : Camera
+    sheet : Sheet
+    page : Page
+    text : str
+        What is printed.
+    """
+
+    photo: NDArray[np.uint8]
+    planes: Floats
+    frame: Callable[[int], NDArray[np.uint8]]
+    camera: Camera
+    sheet: Sheet
+    page: Page
+    text: str
+
+
+@dataclass(frozen=True, eq=False)
+class _Scene:
+    """What the camera sees at 2 x 2 places a pixel: the sheet's points, room light and what laser light sends back."""
+
+    points: NDArray[np.float32]
+    room: NDArray[np.float32]
+    echo: NDArray[np.float32]
+
+
+def virtual_sweep(
+    sheet: Sheet,
+    *,
+    frames: int = 200,
+    photo_px: tuple[int, int] = (2000, 1500),
+    line_mm: float = 0.35,
+    strength: float = 1.0,
+    speckle: float = 0.1,
+    grain: float = 1.0,
+    printed: tuple[Page, str] | None = None,
+    camera: Camera | None = None,
+    rng: np.random.Generator | int = 0,
+) -> VirtualSweep:
+    """Sweep a laser line over a sheet from left to right by a turning mirror.
+
+    Parameters
+    ----------
+    sheet : Sheet
+    frames : int
+    photo_px : (int, int)
+        Long and short side.
+    line_mm : float
+        Standard deviation of the light across the line.
+    strength : float
+        Linear value that the line has on white paper turned towards it; over about 0.7 it is clipped.
+    speckle : float
+        Contrast of the grain that laser light has on rough paper, at each place of a photo.
+    grain : float
+        Standard deviation of the sensor's noise, in levels of 255.
+    printed : (Page, str), optional
+        The print and its text. By default `typeset_sheet(sheet)`.
+    camera : Camera, optional
+        By default one that stands over the sheet.
+    rng : numpy.random.Generator or int
+
+    Examples
+    --------
+    >>> from planish.gallery import sheet
+    >>> sweep = virtual_sweep(sheet("book"), frames=3, photo_px=(200, 160))
+    >>> sweep.planes.shape, sweep.frame(1).shape
+    ((3, 1, 4), (200, 160, 3))
+    """
+    x = np.linspace(-0.5, 0.5, frames) * (sheet.width_mm + 4)
+    planes = np.stack([plane_through(MIRROR_MM, (place, 0.0, 0.0)) for place in x])[:, None]
+    setting = (line_mm, strength, speckle, grain)
+    return _photographed(sheet, planes, (MIRROR_MM,), photo_px, setting, printed, camera, rng)
+
+
+def virtual_lines(
+    sheet: Sheet,
+    *,
+    photo_px: tuple[int, int] = (2000, 1500),
+    line_mm: float = 0.5,
+    strength: float = 1.0,
+    speckle: float = 0.1,
+    grain: float = 1.0,
+    printed: tuple[Page, str] | None = None,
+    camera: Camera | None = None,
+    rng: np.random.Generator | int = 0,
+) -> VirtualSweep:
+    """Lay two fixed laser lines across a book, as a cheap book scanner does: one frame with both.
+
+    The lasers stand above the head and below the foot of the page; their lines part as the paper rises. Parameters as
+    for `virtual_sweep`.
+
+    Examples
+    --------
+    >>> from planish.gallery import sheet
+    >>> virtual_lines(sheet("spread"), photo_px=(160, 200)).planes.shape
+    (1, 2, 4)
+    """
+    sources = (0.0, 330.0, 500.0), (0.0, -330.0, 500.0)
+    feet = (0.0, 0.18 * sheet.height_mm, 0.0), (0.0, -0.18 * sheet.height_mm, 0.0)
+    pairs = zip(sources, feet, strict=True)
+    planes = np.stack([plane_through(source, foot, (1.0, 0, 0)) for source, foot in pairs])[None]
+    setting = (line_mm, strength, speckle, grain)
+    return _photographed(sheet, planes, sources, photo_px, setting, printed, camera, rng)
+
+
+def plane_through(source: Sequence[float], foot: Sequence[float], along: Sequence[float] = (0.0, 1.0, 0.0)) -> Floats:
+    """Plane (4,) through a laser, a place that its line hits, and the line's direction there."""
+    normal = np.cross(np.subtract(foot, source), along)
+    normal = normal / np.linalg.norm(normal)
+    return np.array([*normal, -normal @ np.asarray(source)])
+
+
+def _photographed(
+    sheet: Sheet,
+    planes: Floats,
+    sources: Sequence[Sequence[float]],
+    photo_px: tuple[int, int],
+    setting: tuple[float, float, float, float],
+    printed: tuple[Page, str] | None,
+    camera: Camera | None,
+    rng: np.random.Generator | int,
+) -> VirtualSweep:
+    """The laser-off photo, and a function that takes the others; each has noise of its own, the same every time."""
+    page, text = typeset_sheet(sheet) if printed is None else printed
+    camera = overhead_camera(sheet, photo_px) if camera is None else camera
+    scene = _scene(sheet, page, camera, sources)
+    line_mm, strength, speckle, grain = setting
+    seeds = np.random.SeedSequence(int(np.random.default_rng(rng).integers(2**32))).spawn(len(planes) + 1)
+
+    def take(seed: np.random.SeedSequence, lit: Floats) -> NDArray[np.uint8]:
+        noise = np.random.default_rng(seed)
+        light = np.empty((*camera.shape_rc, 3), np.float32)
+        pattern = 1 + speckle * noise.standard_normal((64, 64), np.float32)
+        colour = (strength * LASER_COLOUR).astype(np.float32)
+        given = scene.points, scene.room, scene.echo, lit, 1 / (2 * line_mm**2), colour, pattern
+        with crew() as run:
+            run(_expose, len(light), *given, int(noise.integers(2**30)), light, block=64)
+        code = code_values(np.dtype(np.uint16))[(np.clip(light, 0, 1) * 65535 + 0.5).astype(np.uint16)]
+        levels = code / np.float32(257) + np.float32(grain) * noise.standard_normal(light.shape, np.float32)
+        return np.clip(np.rint(levels), 0, 255).astype(np.uint8)
+
+    photo = take(seeds[-1], np.zeros((0, 4)))
+    return VirtualSweep(photo, planes, lambda k: take(seeds[k], planes[k]), camera, sheet, page, text)
+
+
+def _scene(sheet: Sheet, page: Page, camera: Camera, sources: Sequence[Sequence[float]]) -> _Scene:
+    """The sheet at 2 x 2 places of every photo pixel."""
+    lens = camera.matrix.copy()
+    lens[:2] *= FINER
+    lens[:2, 2] += (FINER - 1) / 2
+    fine_camera = replace(camera, matrix=lens, shape_rc=(FINER * camera.shape_rc[0], FINER * camera.shape_rc[1]))
+    fine = fine_mesh(sheet, CELL_MM)
+    room = photograph(sheet, fine, page, fine_camera, ROOM, 0.0, np.random.default_rng(0))
+    room_light = ((np.arange(256) / 255) ** ROOM.gamma).astype(np.float32)[room]
+    face, weights = covered(fine, fine_camera, fine_camera.shape_rc, 1.0)
+    places = interpolated(face, weights, fine.faces, fine.page_xy)
+    bent = pixels_of(face, fine.sagitta_mm > FLAT_MM)
+    places[bent] = put_right(sheet, fine, fine_camera, face[bent], places[bent], np.stack(bent[::-1], axis=1))
+    seen = np.nonzero(face >= 0)
+    points = np.full((*face.shape, 3), np.nan, np.float32)
+    points[seen] = sheet.bend(places[seen])
+    upward = normals(sheet, fine.page_xy)
+    lamps = np.stack([_on_laser(fine, upward, source) for source in sources], axis=1)
+    by_laser = interpolated(face, weights, fine.faces, lamps)
+    above = irradiance(ROOM, fine.points, upward, np.ones(len(upward)))
+    by_room = interpolated(face, weights, fine.faces, (above * ROOM.exposure / above.max())[:, None])
+    echo = np.nan_to_num(by_laser / by_room).astype(np.float32)  # times the room's light: what the laser sends back
+    return _Scene(points, room_light, echo)
+
+
+def _on_laser(fine: FineMesh, upward: Floats, source: Sequence[float]) -> Floats:
+    """Cosine at which the laser's light falls on each point, 0 in shadow."""
+    lamp = Light(position_mm=(source[0], source[1], source[2]))
+    way = np.asarray(source) - fine.points
+    cosine = np.einsum("ij,ij->i", upward, way) / np.linalg.norm(way, axis=1)
+    return np.asarray(np.clip(cosine, 0, None) * visibility(lamp, fine.points, upward, fine.faces))
+
+
+@njit(cache=True, nogil=True)
+def _expose(first, last, points, room, echo, planes, sharpness, colour, pattern, seed, light):  # type: ignore[no-untyped-def]
+    """Mean light of FINER x FINER places: room (1 + laser exp(-distance^2 / 2 sd^2) speckle)."""
+    for i in range(first, last):
+        for j in range(light.shape[1]):
+            for c in range(3):
+                light[i, j, c] = 0.0
+            for r in range(FINER * i, FINER * i + FINER):
+                for q in range(FINER * j, FINER * j + FINER):
+                    laser = 0.0
+                    for k in range(len(planes)):
+                        n = planes[k]
+                        p = points[r, q]
+                        far = n[0] * p[0] + n[1] * p[1] + n[2] * p[2] + n[3]
+                        if far * far * sharpness < 16.0:
+                            shape = np.exp(-far * far * sharpness)
+                            laser += shape * echo[r, q, k] * pattern[(r * 7 + seed) % 64, (q * 5 + r // 9 + seed) % 64]
+                    for c in range(3):
+                        light[i, j, c] += room[r, q, c] * (1.0 + colour[c] * max(laser, 0.0))
+            for c in range(3):
+                light[i, j, c] /= FINER * FINER
+
+
+def truth_of(sweep: VirtualSweep, photo_xy: Floats) -> tuple[Floats, Floats]:
+    """What the camera truly sees at places of the photo.
+
+    Parameters
+    ----------
+    sweep : VirtualSweep
+    photo_xy : (n, 2) float64 [photo px]
+
+    Returns
+    -------
+    page_xy : (n, 2) float64 [mm]
+        Place on the flat page; NaN beside the sheet.
+    points : (n, 3) float64 [mm]
+    """
+    fine = fine_mesh(sweep.sheet, CELL_MM)
+    face, weights = covered(fine, sweep.camera, sweep.camera.shape_rc, 1.0)
+    col, row = np.clip(np.rint(photo_xy), 0, np.array(face.shape)[::-1] - 1).astype(int).T
+    page_xy = interpolated(face, weights, fine.faces, fine.page_xy)[row, col]
+    seen = face[row, col] >= 0
+    behind = face[row, col][seen]
+    page_xy[seen] = put_right(sweep.sheet, fine, sweep.camera, behind, page_xy[seen], photo_xy[seen])
+    points = np.full((len(page_xy), 3), np.nan)
+    points[seen] = sweep.sheet.bend(page_xy[seen])
+    return page_xy, points

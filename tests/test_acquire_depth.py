@@ -1,0 +1,188 @@
+"""Depth maps to scans: truth from planes, and from the virtual depth camera before a known book page."""
+
+import json
+
+import cv2
+import numpy as np
+import pytest
+
+from planish.acquire.depth import averaged, back_projected, from_depth, without_flying_pixels
+from planish.acquire.grid_mesh import grid_mesh
+from planish.acquire.paper import paper_mask
+from planish.acquire.picture import picture
+from planish.cli.main import run
+from planish.errors import InputError
+from planish.gallery import sheet
+from planish.gallery.devices import depth_capture
+from planish.gallery.sheets import normals
+from planish.io import read_scan
+from planish.io.cameras import camera_as_json
+from planish.mesh import project
+from planish.types import Camera
+
+SHAPE = (60, 80)
+CAMERA = Camera(np.array([[100.0, 0, 39.5], [0, 100, 29.5], [0, 0, 1]]), np.eye(3), np.zeros(3), SHAPE)
+PHOTO = np.full((*SHAPE, 3), 200, np.uint8)
+
+
+@pytest.fixture(scope="module")
+def book():
+    made = sheet("book")
+    return made, depth_capture(made, frames=30, shape_rc=(240, 320), photo_px=(600, 450))
+
+
+def from_surface(made, points):
+    """Distance of points from a bent sheet [mm], along its normal; nearest of places 0.5 mm apart."""
+    from scipy.spatial import cKDTree
+
+    xy = np.stack(np.meshgrid(np.arange(0, made.width_mm, 0.5), np.arange(0, made.height_mm, 0.5)), -1).reshape(-1, 2)
+    places = made.bend(xy)
+    nearest = cKDTree(places).query(points)[1]
+    return np.einsum("ij,ij->i", points - places[nearest], normals(made, xy[nearest]))
+
+
+def test_depths_come_back_from_the_points_they_were_made_into():
+    depth = 400 + 50 * np.random.default_rng(0).random(SHAPE)
+    points = back_projected(CAMERA, depth)
+    np.testing.assert_allclose(points[..., 2], depth, atol=1e-9)
+    rows, cols = np.mgrid[: SHAPE[0], : SHAPE[1]]
+    np.testing.assert_allclose(project(CAMERA, points.reshape(-1, 3)), np.c_[cols.ravel(), rows.ravel()], atol=1e-9)
+
+
+def test_thirty_noisy_frames_of_the_book_page_are_true_to_half_a_millimetre(book):
+    made, capture = book
+    acquired = from_depth(capture.frames, capture.camera, capture.photo, capture.photo_camera)
+    error = from_surface(made, acquired.scan.mesh.points)
+    # 1 mm / sqrt(30) = 0.18 of noise; 0.29 / sqrt(30) of whole millimetres; the border's mixed pixels: 0.5 is asked for
+    assert np.sqrt((error**2).mean()) < 0.25
+    assert 0.15 < acquired.noise_mm < 0.25
+    one = from_depth(capture.frames[:1], capture.camera, capture.photo, capture.photo_camera)
+    assert np.sqrt((from_surface(made, one.scan.mesh.points) ** 2).mean()) > 0.8  # averaging is what did it
+
+
+def test_outliers_and_frames_that_saw_nothing_do_not_pull_the_mean():
+    rng = np.random.default_rng(1)
+    stack = 500 + rng.standard_normal((30, *SHAPE))
+    stack[:3] += 300
+    stack[3:6] = 0
+    depth, agree = averaged(stack)
+    np.testing.assert_allclose(depth, 500, atol=1.2)  # 5 standard deviations of the mean of 24
+    np.testing.assert_allclose(agree, 0.8, atol=0.1)
+
+
+def test_a_pixel_that_most_frames_do_not_see_is_left_out():
+    stack = np.full((4, 1, 2), 500.0)
+    stack[:3, 0, 1] = 0
+    depth, _ = averaged(stack)
+    assert depth[0, 0] == 500
+    assert np.isnan(depth[0, 1])
+
+
+def test_nothing_is_joined_across_a_depth_jump_and_flying_pixels_go():
+    depth = np.where(np.arange(SHAPE[1]) < 40, 500.0, 400.0) * np.ones(SHAPE)
+    depth[:, 40] = 450  # the column that saw both
+    flown = without_flying_pixels(depth, CAMERA)
+    assert np.isnan(flown[:, 40]).all()
+    assert np.isfinite(np.delete(flown, 40, axis=1)).all()
+    for map_ in (depth, flown):
+        mesh, photo_xy = grid_mesh(back_projected(CAMERA, map_), CAMERA)
+        assert np.ptp(mesh.points[mesh.faces][..., 2], axis=1).max() < 1e-9
+        assert 40 not in photo_xy[:, 0]
+
+
+def test_the_mesh_faces_the_camera(book):
+    _, capture = book
+    mesh = from_depth(capture.frames, capture.camera, capture.photo, capture.photo_camera).scan.mesh
+    a, b, c = (mesh.points[mesh.faces[:, k]] for k in range(3))
+    assert (np.cross(b - a, c - a)[:, 2] > 0).all()  # the camera hangs above the table
+
+
+def test_the_photo_lies_where_the_photo_camera_saw_each_point(book):
+    _, capture = book
+    scan = from_depth(capture.frames, capture.camera, capture.photo, capture.photo_camera).scan
+    np.testing.assert_allclose(scan.photo_xy, project(capture.photo_camera, scan.mesh.points))
+
+
+def test_a_registered_photo_may_be_larger_than_the_depth_map():
+    photo = np.full((120, 160, 3), 200, np.uint8)
+    scan = from_depth([np.full(SHAPE, 300.0)], CAMERA, photo, mask=None).scan
+    own = project(CAMERA, scan.mesh.points)
+    np.testing.assert_allclose(scan.photo_xy, 2 * own + 0.5, atol=1e-9)  # centres of pixels cut in four
+
+
+def test_the_sheet_is_told_from_the_ground_and_its_print_kept(book):
+    _, capture = book
+    mask = paper_mask(capture.photo)
+    spots = project(capture.photo_camera, sheet("book").bend(np.array([[108.0, 140], [5, 5], [210, 274], [60, 50]])))
+    assert all(mask[round(y), round(x)] for x, y in spots)
+    assert not mask[:8].any()
+    assert paper_mask(np.full((50, 50, 3), 128, np.uint8)) is None
+
+
+def test_a_mask_by_hand_cuts_the_sheet_out():
+    mask = np.zeros(SHAPE, bool)
+    mask[10:40, 20:60] = True
+    scan = from_depth([np.full(SHAPE, 300.0)], CAMERA, PHOTO, mask=mask).scan
+    assert len(scan.mesh.points) == mask.sum()
+    said = from_depth([np.full(SHAPE, 300.0)], CAMERA, PHOTO).warnings
+    assert "no sheet stands out" in said[0]
+
+
+def test_the_picture_shows_the_scan(book):
+    _, capture = book
+    made = from_depth(capture.frames, capture.camera, capture.photo, capture.photo_camera)
+    drawn = picture(made)
+    assert drawn.shape[0] == 900
+    shaded, photographed, sure = np.array_split(drawn[300:600], 3, axis=1)
+    assert photographed.mean() > 100
+    assert np.ptp(shaded.mean(axis=2)) > 30
+    assert not np.array_equal(shaded, sure)
+
+
+BAD = {
+    "sizes": ([np.ones(SHAPE), np.ones((9, 9))], {}, "depth map 2 is 9 x 9 pixels, the first 80 x 60"),
+    "zeros": ([np.zeros(SHAPE)], {}, "no pixel of the 1 depth maps holds a depth"),
+    "camera": ([np.ones((30, 40))], {}, "the depth maps are 40 x 30 pixels, but the depth camera's"),
+    "lonely": ([np.where(np.arange(4800).reshape(SHAPE) == 3, 500.0, 0)], {"mask": None}, "1 of 4,800 pixels"),
+    "photo": ([np.ones(SHAPE)], {"photo": np.zeros((60, 60, 3), np.uint8)}, "give the photo's own camera"),
+    "mask": ([np.ones(SHAPE)], {"mask": np.ones((9, 9), bool)}, "the mask is 9 x 9 pixels, the photo 80 x 60"),
+    "black mask": ([np.ones(SHAPE)], {"mask": np.zeros(SHAPE, bool)}, "the mask is black all over"),
+    "photo_camera": (
+        [np.ones(SHAPE)],
+        {"photo_camera": CAMERA, "photo": np.zeros((9, 9, 3), np.uint8)},
+        "the photo is 9 x 9 pixels, but its camera's numbers are for 80 x 60",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_what_cannot_be_used_is_said(case):
+    frames, more, sentence = BAD[case]
+    with pytest.raises(InputError, match=sentence):
+        from_depth(frames, CAMERA, **{"photo": PHOTO, **more})
+
+
+def test_the_command_makes_a_scan_that_restore_takes_without_options(book, tmp_path):
+    made, capture = book
+    (tmp_path / "depth").mkdir()
+    for k, frame in enumerate(capture.frames[:5]):
+        cv2.imwrite(str(tmp_path / "depth" / f"{k}.png"), frame.astype(np.uint16))
+    cv2.imwrite(str(tmp_path / "photo.png"), capture.photo[..., ::-1])
+    for name, camera in (("depth", capture.camera), ("photo", capture.photo_camera)):
+        (tmp_path / f"{name}.json").write_text(json.dumps(camera_as_json(camera)))
+    at = {name: str(tmp_path / name) for name in ("depth", "photo.png", "depth.json", "photo.json", "scan.ply")}
+    command = ["acquire", "depth", at["depth"], "--photo", at["photo.png"], "--camera", at["depth.json"]]
+    command += ["--photo-camera", at["photo.json"], "-o", at["scan.ply"], "--picture", str(tmp_path / "look.png")]
+    assert run(command) == 0
+    assert cv2.imread(str(tmp_path / "look.png")).shape[0] == 900
+    found = read_scan(at["scan.ply"])
+    assert found.scan.photo.shape == capture.photo.shape
+    report = tmp_path / "report.json"
+    assert (
+        run(["restore", at["scan.ply"], "-o", str(tmp_path / "page.png"), "--dpi", "80", "--report", str(report), "-q"])
+        == 0
+    )
+    page = json.loads(report.read_text())["page"]
+    # 1.35 mm a pixel here: the border's pixels saw the table too, and up to two of them on each side are left out
+    assert made.width_mm - 5 < page["width_mm"] < made.width_mm + 1
+    assert made.height_mm - 5 < page["height_mm"] < made.height_mm + 1

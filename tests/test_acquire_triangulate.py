@@ -1,0 +1,93 @@
+"""Rays of cameras and where they meet: truth from projecting known points."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from planish.acquire.triangulate import meet_plane, meet_rays, rays
+from planish.mesh import project
+from planish.types import Camera
+
+LENS = np.array([-0.22, -0.87, -0.0007, -0.0017, 3.1])  # of a real camera of 3450 px focal length
+
+
+def camera_at(eye, turn_deg=0.0, distortion=LENS):
+    """A camera that looks down on the table from `eye`."""
+    a = np.radians(turn_deg)
+    around = np.array([[np.cos(a), -np.sin(a), 0], [np.sin(a), np.cos(a), 0], [0, 0, 1]])
+    rotation = around @ np.diag([1.0, -1.0, -1.0])
+    matrix = np.array([[3450.0, 0, 640], [0, 3440, 510], [0, 0, 1]])
+    return Camera(matrix, rotation, -rotation @ np.asarray(eye, float), (1024, 1280), distortion)
+
+
+@pytest.fixture
+def spots():
+    return np.random.default_rng(0).uniform([-100, -80, 0], [100, 80, 60], (400, 3))
+
+
+@pytest.mark.parametrize(
+    "distortion",
+    [np.zeros(0), LENS, LENS[:4], np.array([-0.12, 0.1, 0.0006, -0.0004, 0, 0.02, 0.01, 0])],
+    ids=["pinhole", "lens", "four numbers", "rational"],
+)
+def test_rays_run_through_the_points_that_were_projected(spots, distortion):
+    camera = camera_at((5, -3, 650), 12, distortion)
+    directions, eye = rays(camera, project(camera, spots))
+    np.testing.assert_allclose(eye, (5, -3, 650), atol=1e-9)
+    np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1, atol=1e-12)
+    true = (spots - eye) / np.linalg.norm(spots - eye, axis=1, keepdims=True)
+    np.testing.assert_allclose(directions, true, atol=1e-11)  # CLOSE_PX over the focal length
+
+
+def test_pixels_that_are_not_known_have_no_ray_and_spoil_no_other(spots):
+    camera = camera_at((0, 0, 650))
+    xy = project(camera, spots)
+    whole, _ = rays(camera, xy)
+    xy[::3] = np.nan
+    part, _ = rays(camera, xy)
+    assert np.isnan(part[::3]).all()
+    np.testing.assert_allclose(part[1::3], whole[1::3], atol=1e-11)
+
+
+def test_rays_meet_the_plane_on_which_the_points_lay(spots):
+    camera = camera_at((0, 0, 650), 30)
+    spots[:, 2] = 20 + 0.3 * spots[:, 0] - 0.1 * spots[:, 1]
+    directions, eye = rays(camera, project(camera, spots))
+    np.testing.assert_allclose(meet_plane(eye, directions, np.array([0.3, -0.1, -1, 20])), spots, atol=1e-7)
+    each = np.column_stack([np.zeros((len(spots), 2)), np.ones(len(spots)), -spots[:, 2]])  # z = its own height
+    np.testing.assert_allclose(meet_plane(eye, directions, each), spots, atol=1e-7)
+
+
+def test_a_plane_behind_the_camera_is_not_met():
+    behind = meet_plane(np.zeros(3), np.array([[0.0, 0.0, 1.0]]), np.array([0.0, 0, 1, 5]))
+    assert np.isnan(behind).all()
+
+
+def test_two_cameras_find_the_points_again(spots):
+    one, two = camera_at((-150, 0, 640), 5), camera_at((160, 20, 660), -8)
+    (a, eye_a), (b, eye_b) = rays(one, project(one, spots)), rays(two, project(two, spots))
+    points, gap = meet_rays(eye_a, a, eye_b, b)
+    np.testing.assert_allclose(points, spots, atol=1e-7)
+    assert gap.max() < 1e-7
+
+
+def test_parallel_rays_meet_nowhere():
+    ray = np.array([[0.0, 0, 1]])
+    points, gap = meet_rays(np.zeros(3), ray, np.ones(3), ray)
+    assert np.isnan(points).all()
+    assert np.isnan(gap).all()
+
+
+@given(st.lists(st.floats(-50, 50), min_size=6, max_size=6))
+def test_the_gap_is_the_same_seen_from_either_side_and_the_point_is_midway(numbers):
+    origin_a, origin_b = np.array([0.0, 0, 300]), np.array([100.0, 10, 280])
+    a, b = np.array(numbers[:3]) - origin_a, np.array(numbers[3:]) - origin_b
+    a, b = (v[None] / np.linalg.norm(v) for v in (a, b))
+    here, gap = meet_rays(origin_a, a, origin_b, b)
+    there, gap_again = meet_rays(origin_b, b, origin_a, a)
+    np.testing.assert_allclose(here, there, atol=1e-6)
+    np.testing.assert_allclose(gap, gap_again, atol=1e-6)
+    for origin, ray in ((origin_a, a), (origin_b, b)):  # midway: as far from either ray
+        off = np.linalg.norm(np.cross(here - origin, ray), axis=1)
+        np.testing.assert_allclose(off, gap / 2, atol=1e-6)
