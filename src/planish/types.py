@@ -426,7 +426,7 @@ class PhotoReport:
         Where the size in mm comes from: "unknown" (a guess from the size of the letters), "width" or "paper".
     focal_px : float [photo px]
     focal_from : str
-        "exif", "borders", or "assumed".
+        "exif" or "assumed".
     lines, letters : int
         Of text that were used.
     straightness : float or None

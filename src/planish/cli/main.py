@@ -11,6 +11,7 @@ from cyclopts import App, CycloptsError
 from rich.console import Console
 
 from planish import __version__
+from planish.cli import acquire, calibrate
 from planish.errors import PlanishError, UsageError
 
 DID_NOT_SETTLE = 5
@@ -29,6 +30,9 @@ app = App(
 app.command("planish.cli.demo:demo")
 app.command("planish.cli.restore:restore")
 app.command("planish.cli.flatten:flatten")
+app.command("planish.cli.photo:photo")
+app.command(acquire.app)
+app.command(calibrate.app)
 
 
 def main(arguments: list[str] | None = None) -> NoReturn:

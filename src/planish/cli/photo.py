@@ -1,0 +1,121 @@
+"""`planish photo`: the best page that one photo can give, and what it cannot."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from planish.cli.options import Output, Quiet, Verbose
+from planish.settings import BinarizeSettings, PhotoSettings, RenderSettings, Rotation, ShadingSettings
+
+Flags = Parameter(name="*")
+
+
+def photo(
+    photo: Path,
+    /,
+    *,
+    output: Output,
+    finding: Annotated[PhotoSettings, Flags] = PhotoSettings(),
+    drawing: Annotated[RenderSettings, Flags] = RenderSettings(dpi="auto"),
+    shading: Annotated[ShadingSettings, Flags] = ShadingSettings(shading="background"),
+    binarizing: Annotated[BinarizeSettings, Flags] = BinarizeSettings(),
+    rotate: Rotation = "auto",
+    binary: Path | None = None,
+    report: Path | None = None,
+    stages: Path | None = None,
+    overwrite: bool = True,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> bool:
+    """Flatten the page on one photo, without a scan.
+
+    The shape is found from lines of text and from the sheet's borders; what one photo cannot tell is said.
+
+    Parameters
+    ----------
+    photo
+        The photo: JPEG, PNG, TIFF, WebP, BMP, JPEG 2000 or PPM.
+    output
+        The page to write: .tif, .png, .jpg or .pdf; with its dpi in the file where --width-mm or --paper is given.
+    rotate
+        auto: as the text reads; where there is none, long side upright and the photo's top on top. A number: clockwise
+        turn from the photo's way round.
+    binary
+        Also write the page in black and white.
+    report
+        Also write the report as JSON.
+    stages
+        Also write pictures of every stage into this folder.
+    overwrite
+        Whether files in place may be replaced.
+    quiet
+        Print nothing but errors.
+    verbose
+        Print the table even when the output is piped.
+    """
+    from dataclasses import replace
+    from time import perf_counter
+
+    from planish.cli.stages import write_stages
+    from planish.cli.talk import progress, show
+    from planish.errors import UsageError
+    from planish.io import (
+        check_page_name,
+        check_writable,
+        focal_length_px,
+        read_photo,
+        way_up,
+        write_json,
+        write_page,
+        write_unscaled_page,
+    )
+    from planish.photo import find_shape
+    from planish.pipeline import restore
+    from planish.settings import RestoreSettings
+
+    for path in (output, *([binary] if binary is not None else [])):
+        check_page_name(path)
+    if binary is not None and binarizing.binarize == "none":
+        raise UsageError("--binary is for a page in black and white, and --binarize none makes none; name a method")
+    outputs = [path for path in (output, binary, report) if path is not None]
+    for path in outputs:
+        check_writable(path, overwrite=overwrite)
+    if binary is None and stages is None:
+        binarizing = replace(binarizing, binarize="none")
+    settings = RestoreSettings(render=drawing, shading=shading, binarize=binarizing, rotate=rotate)
+    with progress(quiet=quiet) as tell:
+        start = perf_counter()
+        tell("read", 0.0)
+        taken = read_photo(photo, upright=True)
+        read = perf_counter() - start
+        start = perf_counter()
+        tell("shape", 0.0)
+        found = find_shape(taken.pixels, finding, focal_px=focal_length_px(photo), icc=taken.icc)
+        shape = perf_counter() - start
+        done = restore(found.scan, settings, tell, way_up)
+        start = perf_counter()
+        tell("write", 0.0)
+        page = done.unshaded or done.rendered
+        assert page is not None
+        write = write_unscaled_page if found.report.scale == "unknown" else write_page
+        write(output, page)
+        if binary is not None:
+            assert done.binary is not None
+            write(binary, done.binary)
+        if stages is not None:
+            outputs += write_stages(stages, found.scan, done)
+        seconds = {"read": read, "shape": shape, **done.report.seconds, "write": perf_counter() - start}
+        account = replace(
+            done.report,
+            photo=found.report,
+            seconds=seconds,
+            seconds_total=sum(seconds.values()),
+            warnings=[*taken.warnings, *found.warnings, *done.report.warnings],
+        )
+        if report is not None:
+            write_json(report, account)
+    show(account, [str(path) for path in outputs], quiet=quiet, verbose=verbose)
+    return account.settled

@@ -1,0 +1,107 @@
+"""How far a shape that was found from one photo can be trusted, in numbers and in words."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from planish.photo.bent import Bent, extrapolated_share, rms
+from planish.photo.lines import TextLines
+from planish.types import Bools, PhotoReport
+
+NOT_BENT_ONE_WAY = 0.12
+"""Misfit of letters [heights] from which on a sheet is folded or crumpled: curled pages of books have 0.03 to 0.07."""
+SIDES_OFF = 0.005
+"""Misfit of a sheet's sides, in parts of its longer side, from which on the same is said."""
+LEFT_OVER = 0.15
+"""What is left after the free shift, from which on lines are seen to be crooked."""
+MUCH = 0.25
+"""Of the page extrapolated, from which on a warning is due."""
+
+
+def account_of(bent: Bent, lines: TextLines | None, scale: str, focal_from: str) -> tuple[PhotoReport, tuple[str, ...]]:
+    """Report and warnings of a sheet.
+
+    Parameters
+    ----------
+    bent : Bent
+    lines : TextLines or None
+    scale, focal_from : str
+        See `PhotoReport`.
+    """
+    height = float(np.median(lines.height)) if lines is not None else None
+    text = _of_text(bent, lines)
+    before = _off(bent, text, height, bent.fitted.off_px)
+    after = _off(bent, text, height, bent.left_px)
+    slack = 2 * height / bent.sheet.focal if height else 0.02 * float((bent.shift.high - bent.shift.low).max())
+    beyond = extrapolated_share(bent, slack)
+    sides = _sides_off(bent)
+    warnings = _warnings(before, after, sides, beyond, scale)
+    seen = {"text-lines": lines is not None, "borders": bent.bordered and bent.shade is None, "shading": bent.shade}
+    shape = " and ".join(what for what, there in seen.items() if there)
+    report = PhotoReport(
+        shape=shape,
+        scale=scale,
+        focal_px=float(bent.sheet.focal),
+        focal_from=focal_from,
+        lines=0 if lines is None else len(lines.height),
+        letters=0 if lines is None else len(lines.line),
+        straightness=after,
+        bent_one_way=before,
+        extrapolated_share=beyond,
+        confidence=_confidence(after, sides, bent.shade, beyond),
+    )
+    return report, warnings
+
+
+def _of_text(bent: Bent, lines: TextLines | None) -> Bools:
+    """Which places of the evidence are letters."""
+    letters = np.arange(len(bent.evidence.photo_xy)) < (0 if lines is None else len(lines.line))
+    return np.asarray(letters)
+
+
+def _off(bent: Bent, text: Bools, height: float | None, off_px: np.ndarray) -> float | None:
+    return None if height is None else rms(off_px[text], np.maximum(bent.fitted.weight[text], 0.1)) / height
+
+
+def _sides_off(bent: Bent) -> float | None:
+    """Rms misfit of the sheet's sides, in parts of the longer one, before the shift."""
+    if bent.evidence.sides is None:
+        return None
+    side = np.isin(bent.evidence.group, bent.evidence.sides)
+    longer = float((bent.shift.high - bent.shift.low).max()) * bent.sheet.focal
+    return float(np.sqrt(np.mean(bent.fitted.off_px[side] ** 2))) / longer
+
+
+def _warnings(
+    before: float | None, after: float | None, sides: float | None, beyond: float, scale: str
+) -> tuple[str, ...]:
+    said = []
+    if scale == "unknown":
+        said.append(
+            "one photo does not tell how large the sheet is: all millimetres are guesses; give --paper or --width-mm"
+        )
+    if (before or 0) > NOT_BENT_ONE_WAY or (sides or 0) > SIDES_OFF:
+        said.append(
+            "the sheet is not bent in one direction only: it is folded or crumpled, or its lines are not straight in "
+            "print; one photo cannot tell such a shape, so places between its lines are rough; a 3D scan can"
+        )
+    if (after or 0) > LEFT_OVER:
+        said.append(f"lines of text stay crooked on the page, by {after:.2f} of their letters' height (rms)")
+    if beyond > MUCH:
+        said.append(
+            f"{100 * beyond:.0f} % of the page lie beyond all that the shape was found from, and were extrapolated"
+        )
+    return tuple(said)
+
+
+def _confidence(after: float | None, sides: float | None, shade: float | None, beyond: float) -> str:
+    parts = []
+    if after is not None:
+        parts.append(f"lines of text are expected straight to {after:.2f} of their letters' height (rms)")
+    if sides is not None:
+        parts.append(f"the sheet's sides fit a sheet bent in one direction to {100 * sides:.1f} % of its length")
+    if shade is not None:
+        parts.append(f"the blank paper's brightness fits that of such a sheet to {100 * shade:.1f} %")
+    parts.append(f"{100 * beyond:.0f} % of the page were extrapolated")
+    sentence = "; ".join(parts)
+    return sentence[0].upper() + sentence[1:] + "."
