@@ -36,8 +36,9 @@ from typing import get_args
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont, ImageOps
 
+from likeness import as_docunet, grey
 from machine import machine
-from pages import as_docunet, grey, words_missing
+from pages import words_missing
 from planish.gallery import sheet, virtual_scan
 from planish.io import write_page, write_scan
 from planish.settings import Method
