@@ -36,11 +36,10 @@ from typing import get_args
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont, ImageOps
 
+from cases import gallery
 from likeness import as_docunet, grey
 from machine import machine
 from pages import words_missing
-from planish.gallery import sheet, virtual_scan
-from planish.io import write_page, write_scan
 from planish.settings import Method
 from truth import character_error, read_text, rigid_rms
 
@@ -90,16 +89,10 @@ class Result:
     picture: Image.Image | None = field(default=None, repr=False)
 
 
-def gallery(folder: Path) -> Iterator[Case]:
-    for name in ("book", "letter"):
-        made = virtual_scan(sheet(name), noise_mm=0.05)
-        (folder / name).mkdir()
-        scan, page = folder / name / f"{name}.obj", folder / name / "page.png"
-        write_scan(scan, made.scan)
-        write_page(page, made.page)
-        photo = next(p for p in scan.parent.iterdir() if p.suffix in (".jpg", ".png") and p != page)
-        text = " ".join(made.text.split())
-        yield Case(name, photo, upright(photo, folder), text, text.split(), page, scan, made.truth_xy)
+def scanned(folder: Path) -> Iterator[Case]:
+    for made in gallery(folder, ("book", "letter")):
+        photo = upright(made.photo, folder)
+        yield Case(made.name, made.photo, photo, made.text, made.text.split(), made.page, made.scan, made.flat)
 
 
 def given(source: Path, folder: Path) -> Iterator[Case]:
@@ -271,7 +264,7 @@ def main() -> None:
     results = []
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        cases = gallery(folder) if not asked.folders else (c for source in asked.folders for c in given(source, folder))
+        cases = scanned(folder) if not asked.folders else (c for source in asked.folders for c in given(source, folder))
         for case in cases:
             for method in methods:
                 if case.scan is not None or not method.needs_scan:

@@ -20,16 +20,16 @@ import sys
 import tempfile
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
 import numpy as np
 
+from cases import Case, gallery, given
 from likeness import as_docunet, grey
 from machine import machine
-from planish.gallery import sheet, virtual_scan
-from planish.io import read_scan, write_page, write_scan
+from planish.io import read_scan, write_page
 from planish.mesh import clean
 from planish.render import draw
 from planish.shading import unshade
@@ -40,34 +40,6 @@ SHEETS = ("book", "spread", "wave", "miura", "curl", "letter")
 DPI = 300.0
 RULE = 0.1
 """Surroundings that change the other way by less than so much of what is usual are a rule's."""
-
-
-@dataclass
-class Case:
-    name: str
-    scan: Path
-    photo: Path
-    page: Path
-    size_mm: tuple[float, float]
-    flat: np.ndarray
-
-
-def gallery(folder: Path) -> Iterator[Case]:
-    for name in SHEETS:
-        made = virtual_scan(sheet(name), noise_mm=0.05)
-        (folder / name).mkdir()
-        scan, page = folder / name / f"{name}.obj", folder / name / "page.png"
-        write_scan(scan, made.scan)
-        write_page(page, made.page)
-        photo = next(p for p in scan.parent.iterdir() if p.suffix in (".jpg", ".png") and p != page)
-        yield Case(f"{name} (gallery)", scan, photo, page, (made.sheet.width_mm, made.sheet.height_mm), made.truth_xy)
-
-
-def given(folder: Path) -> Case:
-    meta = json.loads((folder / "case.json").read_text())
-    scan, page = next(folder.glob("*.obj")), next(folder.glob("*_page.png"))
-    flat = np.load(next(folder.glob("*_truth.npz")))["flat"].astype(float)
-    return Case(folder.name, scan, scan.with_suffix(".jpg"), page, (meta["width_mm"], meta["height_mm"]), flat)
 
 
 def drawn_through_truth(case: Case, path: Path) -> None:
@@ -174,7 +146,8 @@ def main() -> None:
     )
     print("|---|---|---|---|---|---|---|")
     with tempfile.TemporaryDirectory() as folder:
-        for case in (*gallery(Path(folder)), *map(given, map(Path, sys.argv[1:]))):
+        made = (replace(case, name=f"{case.name} (gallery)") for case in gallery(Path(folder), SHEETS))
+        for case in (*made, *map(given, map(Path, sys.argv[1:]))):
             print(row(case, Path(folder)), flush=True)
 
 

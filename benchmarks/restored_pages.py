@@ -15,46 +15,15 @@ import json
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from cases import Case, gallery, given
 from machine import machine
-from planish.gallery import sheet, virtual_scan
-from planish.io import write_page, write_scan
 from truth import character_error, read_text, rigid_rms
 
 SHEETS = ("book", "spread", "letter", "wave", "miura", "curl", "crumpled")
-
-
-@dataclass
-class Case:
-    name: str
-    scan: Path
-    photo: Path
-    page: Path
-    size_mm: tuple[float, float]
-    flat: np.ndarray
-
-
-def gallery(folder: Path) -> Iterator[Case]:
-    for name in SHEETS:
-        made = virtual_scan(sheet(name), noise_mm=0.05)
-        (folder / name).mkdir()
-        scan, page = folder / name / f"{name}.obj", folder / name / "page.png"
-        write_scan(scan, made.scan)
-        write_page(page, made.page)
-        photo = next(p for p in scan.parent.iterdir() if p.suffix in (".jpg", ".png") and p != page)
-        yield Case(name, scan, photo, page, (made.sheet.width_mm, made.sheet.height_mm), made.truth_xy)
-
-
-def given(folder: Path) -> Case:
-    meta = json.loads((folder / "case.json").read_text())
-    scan, page = next(folder.glob("*.obj")), next(folder.glob("*_page.png"))
-    flat = np.load(next(folder.glob("*_truth.npz")))["flat"]
-    return Case(folder.name, scan, scan.with_suffix(".jpg"), page, (meta["width_mm"], meta["height_mm"]), flat)
 
 
 def row(case: Case, folder: Path, options: list[str]) -> str:
@@ -89,7 +58,7 @@ def main() -> None:
     )
     print("|---|---|---|---|---|---|---|---|---|---|---|---|")
     with tempfile.TemporaryDirectory() as folder:
-        cases = map(given, asked.cases) if asked.cases else gallery(Path(folder))
+        cases = map(given, asked.cases) if asked.cases else gallery(Path(folder), SHEETS)
         for case in cases:
             print(row(case, Path(folder), ["--method", asked.method]), flush=True)
 

@@ -14,7 +14,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from planish.crew import crew
-from planish.types import Bools, Floats, Ints, _freeze
+from planish.types import Bools, Floats, Ints, freeze
 
 Grey = NDArray[np.uint8] | NDArray[np.uint16]
 
@@ -43,7 +43,7 @@ class Codes:
     confidence: Floats
 
     def __post_init__(self) -> None:
-        _freeze(self)
+        freeze(self)
 
 
 def bits_for(count: int) -> int:

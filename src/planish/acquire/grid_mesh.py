@@ -8,7 +8,7 @@ import numpy as np
 
 from planish.errors import InputError
 from planish.mesh import lattice_faces, without_crumbs
-from planish.types import Camera, Floats, Mesh, Scan, _freeze
+from planish.types import Camera, Floats, Mesh, Scan, freeze
 
 STEEPEST = 8.0
 """Neighbouring pixels whose depths differ by more than so many pixel widths (83 degrees) are not joined: neither
@@ -38,7 +38,7 @@ class Acquired:
     warnings: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        _freeze(self)
+        freeze(self)
 
 
 def grid_mesh(points: Floats, camera: Camera, *, noise_mm: float = 0.0) -> tuple[Mesh, Floats]:

@@ -1,4 +1,4 @@
-"""Where the ray through a pixel meets what is known of the scene: a plane of light, or a second ray.
+"""Where the ray through a pixel meets what is known of the scene: a plane of light.
 
 A projector is a camera that light leaves: both are `Camera`s, and their pixels have rays alike.
 """
@@ -132,35 +132,3 @@ def meet_plane(origin: Floats, directions: Floats, plane: Floats) -> Floats:
         far = -(plane[:, :3] @ origin + plane[:, 3]) / against
     far[~(far > 0) | ~np.isfinite(far)] = np.nan
     return np.asarray(origin + far[:, None] * directions)
-
-
-def meet_rays(origin_a: Floats, rays_a: Floats, origin_b: Floats, rays_b: Floats) -> tuple[Floats, Floats]:
-    """Find the points midway between two bundles of rays where each pair is closest, and how far they miss each other.
-
-    Parameters
-    ----------
-    origin_a, origin_b : (3,) float64 [mm]
-    rays_a, rays_b : (k, 3) float64
-        Of length 1.
-
-    Returns
-    -------
-    points : (k, 3) float64 [mm]
-        NaN where two rays run side by side.
-    gap : (k,) float64 [mm]
-
-    Examples
-    --------
-    >>> a, b = np.zeros(3), np.array([10.0, 2, 0])
-    >>> points, gap = meet_rays(a, np.array([[0.0, 0, 1]]), b, np.array([[-1.0, 0, 0]]))
-    >>> points.tolist(), gap.tolist()
-    ([[0.0, 1.0, 0.0]], [2.0])
-    """
-    between = origin_b - origin_a
-    cosine = (rays_a * rays_b).sum(axis=1)
-    along_a, along_b = rays_a @ between, rays_b @ between
-    with np.errstate(divide="ignore", invalid="ignore"):
-        square = np.where(1 - cosine**2 > 1e-12, 1 - cosine**2, np.nan)
-        foot_a = origin_a + ((along_a - cosine * along_b) / square)[:, None] * rays_a
-        foot_b = origin_b + ((cosine * along_a - along_b) / square)[:, None] * rays_b
-    return (foot_a + foot_b) / 2, np.asarray(np.linalg.norm(foot_a - foot_b, axis=1))

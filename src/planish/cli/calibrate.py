@@ -21,17 +21,6 @@ app.command("planish.cli.calibrate_laser:laser_lines")
 Squares = Annotated[tuple[int, int], Parameter(name="--squares")]
 SquareMm = Annotated[float, Parameter(name="--square-mm")]
 Kind = Annotated[Literal["charuco", "chessboard"], Parameter(name="--kind")]
-Picture = Annotated[Path | None, Parameter(name="--picture")]
-
-
-def check_outputs(output: Path, picture: Path | None, *, overwrite: bool) -> None:
-    """Refuse before any work what could not be written after it."""
-    from planish.io import check_page_name, check_writable
-
-    check_writable(output, overwrite=overwrite)
-    if picture is not None:
-        check_page_name(picture)
-        check_writable(picture, overwrite=overwrite)
 
 
 def write_calibration(found: Calibration, board: Board, output: Path, picture: Path | None, *, quiet: bool) -> None:

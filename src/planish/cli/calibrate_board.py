@@ -7,7 +7,8 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from planish.cli.calibrate import Kind, Picture, SquareMm, Squares
+from planish.cli.acquire import Picture
+from planish.cli.calibrate import Kind, SquareMm, Squares
 from planish.cli.options import Output, Quiet
 
 
@@ -81,7 +82,8 @@ def camera(
     """
     from planish.acquire.boards import Board
     from planish.acquire.calibrate import calibrate_camera
-    from planish.cli.calibrate import check_outputs, write_calibration
+    from planish.cli.acquire import check_outputs
+    from planish.cli.calibrate import write_calibration
     from planish.cli.talk import progress
     from planish.io import read_captures
 
@@ -137,7 +139,8 @@ def projector(
     """
     from planish.acquire.boards import Board
     from planish.acquire.calibrate import calibrate_projector
-    from planish.cli.calibrate import check_outputs, write_calibration
+    from planish.cli.acquire import check_outputs
+    from planish.cli.calibrate import write_calibration
     from planish.cli.talk import progress
     from planish.io import read_camera, read_captures
 

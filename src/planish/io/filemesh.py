@@ -10,7 +10,7 @@ import numpy as np
 from planish.errors import InputError
 from planish.io.polygons import Polygons
 from planish.io.units import Unit
-from planish.types import Floats, _freeze
+from planish.types import Floats, freeze
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +36,7 @@ class FileMesh:
     warnings: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        _freeze(self)
+        freeze(self)
 
 
 def check_faces(path: Path, points: Floats, polygons: Polygons) -> None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from planish.types import Bools, Floats, Ints, _freeze
+from planish.types import Bools, Floats, Ints, freeze
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +32,7 @@ class Polygons:
     uv_corners: Ints | None = None
 
     def __post_init__(self) -> None:
-        _freeze(self)
+        freeze(self)
 
     @property
     def all_triangles(self) -> bool:

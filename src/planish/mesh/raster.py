@@ -1,4 +1,8 @@
-"""Which triangle covers each pixel: the one rasteriser behind page, photo, visibility and pictures of meshes."""
+"""Which triangle covers each pixel, and where in the triangle it lies.
+
+Behind photos, maps over the page and pictures of meshes. Drawing a page needs the triangle alone, for which
+`planish.render.cover` is several times as fast.
+"""
 
 from __future__ import annotations
 

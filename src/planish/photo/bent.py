@@ -60,11 +60,6 @@ class Bent:
     bordered: bool
     shade: float | None = None
 
-    @property
-    def unit_px(self) -> float:
-        """Photo pixels in a distance of the camera, about."""
-        return self.sheet.focal
-
 
 def from_lines(lines: TextLines, focal: float, centre: Floats) -> Bent:
     """Find the sheet from its lines of text alone."""

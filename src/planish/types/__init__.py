@@ -1,0 +1,47 @@
+"""The values that travel between the rooms: arrays kept together, with no behaviour of their own.
+
+Positions are (x, y[, z]) in millimetres; images are [row, col]. Arrays are read-only once a value is made.
+"""
+
+from planish.types.arrays import Bools, Floats, Ints, Pixels, freeze
+from planish.types.page import Page, Restoration
+from planish.types.report import (
+    Criterion,
+    FlattenReport,
+    GuidelineReport,
+    PageReport,
+    PartReport,
+    PhotoReport,
+    Report,
+    ScanReport,
+    ShadingReport,
+    Spine,
+)
+from planish.types.sheet import Camera, Flattening, Mesh, Outcome, Scan, Sticks, View
+
+__all__ = [
+    "Bools",
+    "Camera",
+    "Criterion",
+    "FlattenReport",
+    "Flattening",
+    "Floats",
+    "GuidelineReport",
+    "Ints",
+    "Mesh",
+    "Outcome",
+    "Page",
+    "PageReport",
+    "PartReport",
+    "PhotoReport",
+    "Pixels",
+    "Report",
+    "Restoration",
+    "Scan",
+    "ScanReport",
+    "ShadingReport",
+    "Spine",
+    "Sticks",
+    "View",
+    "freeze",
+]
