@@ -109,8 +109,8 @@ SECTIONS = {
     "random_sheets": (
         "Ten thousand random sheets",
         "None ended without an answer, with a place that is not finite, or with a flipped face or an overlap that the "
-        "report does not tell. OUT_OF_STEPS were still moving by more than the tolerance after 100 steps: of 78 such among "
-        "the first 600, 46 have 0.2 or 1 mm of noise on at most 2,500 points, the others are mostly drawn out to "
+        "report does not tell. OUT_OF_STEPS were still moving by more than the tolerance after 100 steps: of 78 such "
+        "among the first 600, 46 have 0.2 or 1 mm of noise on at most 2,500 points, the others are mostly drawn out to "
         "slivers; half of the 78 have a strain below 0.12 %.",
     ),
 }
