@@ -140,7 +140,7 @@ def test_if_the_last_of_several_files_cannot_be_written_none_is(book, tmp_path, 
     def full(path, report):
         raise OutputError(f"{path} cannot be written: there is no room left on the disk")
 
-    monkeypatch.setattr("planish.io.write_json", full)
+    monkeypatch.setattr("planish.job.runner.write_json", full)
     (tmp_path / "page.tif").write_text("before")
     more = ("--binary", tmp_path / "bw.png", "--flat", tmp_path / "flat.obj", "--report", tmp_path / "r.json")
     assert restored(book, tmp_path / "page.tif", *more) == 4

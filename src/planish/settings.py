@@ -17,6 +17,7 @@ Shading = Literal["geometry", "background", "none"]
 Rotation = Literal["auto", "0", "90", "180", "270"]
 PhotoShape = Literal["auto", "text-lines", "borders", "shading", "polynomial"]
 Paper = Literal["unknown", "a3", "a4", "a5", "letter", "legal"]
+Units = Literal["auto", "mm", "cm", "m", "in"]
 Pages = Literal["1", "2", "auto"]
 
 

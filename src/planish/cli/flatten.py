@@ -7,8 +7,8 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from planish.cli.options import Output, Quiet, Units, Verbose
-from planish.settings import FlattenSettings, RestoreSettings, Rotation
+from planish.cli.options import Output, Quiet, Verbose
+from planish.settings import FlattenSettings, RestoreSettings, Rotation, Units
 
 
 def flatten(
@@ -53,8 +53,9 @@ def flatten(
     from dataclasses import replace
     from time import perf_counter
 
-    from planish.cli.talk import progress, show, with_files
+    from planish.cli.talk import progress, show
     from planish.io import check_flat_name, check_writable, read_scan, write_flat, write_json
+    from planish.job import with_files
     from planish.pipeline import restore
 
     check_flat_name(output, as_)

@@ -59,7 +59,6 @@ def photo(
     from dataclasses import replace
     from time import perf_counter
 
-    from planish.cli.stages import write_stages
     from planish.cli.talk import progress, show
     from planish.errors import UsageError
     from planish.io import (
@@ -72,6 +71,7 @@ def photo(
         write_page,
         write_unscaled_page,
     )
+    from planish.job.pictures import write_stages
     from planish.photo import find_shape
     from planish.pipeline import restore
     from planish.settings import RestoreSettings

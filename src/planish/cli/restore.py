@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from planish.cli.options import Output, Quiet, Units, Verbose
+from planish.cli.options import Output, Quiet, Verbose
 from planish.settings import (
     BinarizeSettings,
     FlattenSettings,
@@ -16,6 +16,7 @@ from planish.settings import (
     RestoreSettings,
     Rotation,
     ShadingSettings,
+    Units,
 )
 
 Flags = Parameter(name="*")
@@ -95,72 +96,31 @@ def restore(
     verbose
         Print the table even when the output is piped.
     """
-    from dataclasses import replace
-    from time import perf_counter
+    from planish.cli.talk import progress, show
+    from planish.job import Job, Outputs, run
 
-    from planish.cli.pages import PageFiles, check_page_files, read_text, write_page_files
-    from planish.cli.stages import write_certificate, write_stages
-    from planish.cli.talk import progress, show, with_files
-    from planish.errors import InputError, UsageError
-    from planish.io import (
-        all_or_nothing,
-        check_flat_name,
-        check_page_name,
-        check_writable,
-        fingerprints,
-        read_scan,
-        way_up,
-        write_flat,
-        write_json,
+    job = Job(
+        scan=scan,
+        photo=tuple(photo or ()),
+        camera=tuple(camera or ()),
+        units=units,
+        settings=RestoreSettings(
+            flatten=flattening, render=drawing, shading=shading, binarize=binarizing, rotate=rotate, pages=pages
+        ),
+        outputs=Outputs(
+            page=output,
+            binary=binary,
+            mask=mask,
+            flat=flat,
+            report=report,
+            stages=stages,
+            certificate=certificate,
+            pdfa=pdfa,
+            ocr=ocr,
+            overwrite=overwrite,
+        ),
     )
-    from planish.pipeline import restore as restore_scan
-
-    most_pages = 1 if pages == "1" else 2
-    files = PageFiles(output=output, binary=binary, mask=mask, most_pages=most_pages, pdfa=pdfa, ocr=ocr)
-    check_page_files(files)
-    if binary is not None and binarizing.binarize == "none":
-        raise UsageError("--binary is for a page in black and white, and --binarize none makes none; name a method")
-    if flat is not None:
-        check_flat_name(flat)
-    if certificate is not None:
-        check_page_name(certificate)
-    others = [path for path in (flat, report, certificate) if path is not None]
-    for path in [*files.names(), *others]:
-        check_writable(path, overwrite=overwrite)
-    settings = RestoreSettings(
-        flatten=flattening, render=drawing, shading=shading, binarize=binarizing, rotate=rotate, pages=pages
-    )
-    with progress(quiet=quiet) as tell, all_or_nothing():
-        start = perf_counter()
-        tell("read", 0.0)
-        found = read_scan(scan, photo=photo, camera=camera, units=units)
-        if found.scan.photo is None:
-            why = "".join(f"; {warning}" for warning in found.warnings)
-            raise InputError(
-                f"{scan} came without a photo that can be drawn{why}; give --photo, or use `planish flatten` for the "
-                "geometry alone"
-            )
-        sources = fingerprints(found.sources)
-        read = perf_counter() - start
-        done = restore_scan(found.scan, settings, tell, way_up)
-        text, seconds = [], dict(done.report.seconds)
-        if ocr is not None:
-            start = perf_counter()
-            tell("text", 0.0)
-            text = read_text(done, ocr)
-            seconds["text"] = perf_counter() - start
-        done = replace(done, report=replace(done.report, seconds=seconds, sources=sources))
-        start = perf_counter()
-        tell("write", 0.0)
-        outputs = [*write_page_files(files, done, binarizing.binarize, text), *others]
-        if flat is not None:
-            write_flat(flat, found, done.flattening.page_xy)
-        if stages is not None:
-            outputs += write_stages(stages, found.scan, done)
-        account = with_files(done.report, found, read, perf_counter() - start)
-        if certificate is not None:
-            write_certificate(certificate, scan.name, found.scan, replace(done, report=account))
-        if report is not None:
-            write_json(report, account)
-    show(account, [str(path) for path in outputs], quiet=quiet, verbose=verbose)
-    return account.settled
+    with progress(quiet=quiet) as tell:
+        done = run(job, tell)
+    show(done.report, [str(path) for path in done.written], quiet=quiet, verbose=verbose)
+    return done.report.settled

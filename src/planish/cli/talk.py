@@ -5,12 +5,10 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
-from planish.io import ReadScan
 from planish.types import Report
 
 WORDS = {
@@ -47,18 +45,6 @@ def progress(*, quiet: bool) -> Iterator[Callable[[str, float], None]]:
             bars.update(task, description=WORDS.get(name, name), completed=share)
 
         yield tell
-
-
-def with_files(report: Report, found: ReadScan, read: float, written: float) -> Report:
-    """The report with what reading and writing add to it: seconds, the unit, warnings."""
-    seconds = {"read": read, **report.seconds, "write": written}
-    return replace(
-        report,
-        seconds=seconds,
-        seconds_total=sum(seconds.values()),
-        scan=replace(report.scan, unit=found.unit),
-        warnings=[*found.warnings, *report.warnings],
-    )
 
 
 def show(report: Report, written: list[str], *, quiet: bool, verbose: bool) -> None:

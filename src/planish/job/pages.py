@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,41 +10,19 @@ from planish.types import Page, Restoration
 
 if TYPE_CHECKING:
     from planish.io import Origin
+    from planish.job.job import Outputs
 
 
-@dataclass(frozen=True, kw_only=True)
-class PageFiles:
-    """What is to be written of the page.
+def page_files(out: Outputs, most: int) -> list[Path]:
+    """All files of the page that may be written, where the sheet may be split into as many as `most` pages."""
+    from planish.io import page_names
 
-    Attributes
-    ----------
-    output : Path
-    binary, mask : Path or None
-    most_pages : int
-        That the sheet may be split into.
-    pdfa : bool
-        PDFs are for archives.
-    ocr : str or None
-        Language of the text to be read for PDFs.
-    """
-
-    output: Path
-    binary: Path | None
-    mask: Path | None
-    most_pages: int
-    pdfa: bool
-    ocr: str | None
-
-    def names(self) -> list[Path]:
-        """All that may be written."""
-        from planish.io import page_names
-
-        wanted = [path for path in (self.output, self.binary, self.mask) if path is not None]
-        counts = range(1, self.most_pages + 1)
-        return list(dict.fromkeys(name for path in wanted for count in counts for name in page_names(path, count)))
+    wanted = [path for path in (out.page, out.binary, out.mask) if path is not None]
+    counts = range(1, most + 1)
+    return list(dict.fromkeys(name for path in wanted for count in counts for name in page_names(path, count)))
 
 
-def check_page_files(files: PageFiles) -> None:
+def check_pages(out: Outputs) -> None:
     """Refuse what could not be written, before long work.
 
     Raises
@@ -54,14 +31,14 @@ def check_page_files(files: PageFiles) -> None:
     """
     from planish.io import check_ocr, check_page_name
 
-    suffixes = {path: check_page_name(path) for path in (files.output, files.binary, files.mask) if path is not None}
-    if files.mask is not None and suffixes[files.mask] not in (".png", ".tif", ".tiff"):
-        raise OutputError(f"{files.mask}: a mask is written as .png or .tif, where no pixel changes")
-    for flag in [*(["--pdfa"] if files.pdfa else []), *(["--ocr"] if files.ocr is not None else [])]:
-        if ".pdf" not in (suffixes[files.output], suffixes.get(files.binary or Path())):
-            raise UsageError(f"{flag} is for PDF; name the page with -o NAME.pdf, not {files.output.name}")
-    if files.ocr is not None:
-        check_ocr(files.ocr)
+    suffixes = {path: check_page_name(path) for path in (out.page, out.binary, out.mask) if path is not None}
+    if out.mask is not None and suffixes[out.mask] not in (".png", ".tif", ".tiff"):
+        raise OutputError(f"{out.mask}: a mask is written as .png or .tif, where no pixel changes")
+    for flag in [*(["--pdfa"] if out.pdfa else []), *(["--ocr"] if out.ocr is not None else [])]:
+        if ".pdf" not in (suffixes[out.page], suffixes.get(out.binary or Path())):
+            raise UsageError(f"{flag} is for PDF; name the page with -o NAME.pdf, not {out.page.name}")
+    if out.ocr is not None:
+        check_ocr(out.ocr)
 
 
 def read_text(done: Restoration, language: str) -> list[bytes]:
@@ -71,12 +48,12 @@ def read_text(done: Restoration, language: str) -> list[bytes]:
     return [text_layer(part, language) for part in _parts(_page(done), done)]
 
 
-def write_page_files(files: PageFiles, done: Restoration, binarized_by: str, text: list[bytes]) -> list[Path]:
+def write_page_files(out: Outputs, done: Restoration, binarized_by: str, text: list[bytes]) -> list[Path]:
     """Write the pages of a restoration, one file after the other.
 
     Parameters
     ----------
-    files : PageFiles
+    out : Outputs
     done : Restoration
         With a page; its report with the sources.
     binarized_by : str
@@ -93,14 +70,14 @@ def write_page_files(files: PageFiles, done: Restoration, binarized_by: str, tex
     from planish.render import mask_of
 
     page, report = _page(done), done.report
-    written = _write(files.output, _parts(page, done), origin_of(report, report.sources), files.pdfa, text)
-    if files.binary is not None:
+    written = _write(out.page, _parts(page, done), origin_of(report, report.sources), out.pdfa, text)
+    if out.binary is not None:
         assert done.binary is not None
         origin = origin_of(report, report.sources, binarized_by)
-        written += _write(files.binary, _parts(done.binary, done), origin, files.pdfa, text)
-    if files.mask is not None:
+        written += _write(out.binary, _parts(done.binary, done), origin, out.pdfa, text)
+    if out.mask is not None:
         mask = mask_of(page, done.clipped)
-        written += _write(files.mask, _parts(mask, done), origin_of(report, report.sources), False, [])
+        written += _write(out.mask, _parts(mask, done), origin_of(report, report.sources), False, [])
     return written
 
 
