@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from planish.errors import OutputError, UsageError
+from planish.io import (
+    Origin,
+    check_ocr,
+    check_page_name,
+    origin_of,
+    page_names,
+    text_layer,
+    write_page,
+    write_pages,
+)
+from planish.job.job import Outputs
+from planish.render import mask_of, split
 from planish.types import Page, Restoration
-
-if TYPE_CHECKING:
-    from planish.io import Origin
-    from planish.job.job import Outputs
 
 
 def page_files(out: Outputs, most: int) -> list[Path]:
     """All files of the page that may be written, where the sheet may be split into as many as `most` pages."""
-    from planish.io import page_names
-
     wanted = [path for path in (out.page, out.binary, out.mask) if path is not None]
     counts = range(1, most + 1)
     return list(dict.fromkeys(name for path in wanted for count in counts for name in page_names(path, count)))
@@ -29,8 +34,6 @@ def check_pages(out: Outputs) -> None:
     ------
     OutputError, UsageError, MissingExtraError
     """
-    from planish.io import check_ocr, check_page_name
-
     suffixes = {path: check_page_name(path) for path in (out.page, out.binary, out.mask) if path is not None}
     if out.mask is not None and suffixes[out.mask] not in (".png", ".tif", ".tiff"):
         raise OutputError(f"{out.mask}: a mask is written as .png or .tif, where no pixel changes")
@@ -43,8 +46,6 @@ def check_pages(out: Outputs) -> None:
 
 def read_text(done: Restoration, language: str) -> list[bytes]:
     """The text of each page, as `planish.io.text_layer` gives it."""
-    from planish.io import text_layer
-
     return [text_layer(part, language) for part in _parts(_page(done), done)]
 
 
@@ -66,9 +67,6 @@ def write_page_files(out: Outputs, done: Restoration, binarized_by: str, text: l
     list of Path
         The files written.
     """
-    from planish.io import origin_of
-    from planish.render import mask_of
-
     page, report = _page(done), done.report
     written = _write(out.page, _parts(page, done), origin_of(report, report.sources), out.pdfa, text)
     if out.binary is not None:
@@ -88,15 +86,11 @@ def _page(done: Restoration) -> Page:
 
 
 def _parts(page: Page, done: Restoration) -> list[Page]:
-    from planish.render import split
-
     return [page] if done.report.spine is None else list(split(page, done.report.spine))
 
 
 def _write(path: Path, pages: list[Page], origin: Origin, pdfa: bool, text: list[bytes]) -> list[Path]:
     """Into one file, or one for each page."""
-    from planish.io import page_names, write_page, write_pages
-
     names = page_names(path, len(pages))
     if len(names) > 1:
         for name, page in zip(names, pages, strict=True):

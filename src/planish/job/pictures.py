@@ -6,7 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from planish.mesh import Cleaned
+from planish.binarize import binarize
+from planish.io import make_folder, write_page
+from planish.mesh import Cleaned, clean, stand_on_table
+from planish.report import certificate, contact_sheet, heat_map, relief
+from planish.report.certificate import DPI
 from planish.types import Bools, Floats, Mesh, Page, Pixels, Restoration, Scan
 
 CAPTIONS = {
@@ -38,10 +42,6 @@ def write_stages(folder: Path, scan: Scan, done: Restoration) -> list[Path]:
     list of Path
         The files written.
     """
-    from planish.io import make_folder, write_page
-    from planish.mesh import clean
-    from planish.report import contact_sheet, heat_map, relief
-
     assert scan.photo is not None
     assert done.rendered is not None
     photo = _as_page(scan.photo, done.report.page.effective_ppi_median or 300.0)
@@ -72,17 +72,11 @@ def write_stages(folder: Path, scan: Scan, done: Restoration) -> list[Path]:
 
 def write_certificate(path: Path, name: str, scan: Scan, done: Restoration) -> None:
     """Write the quality certificate of a restoration, an A4 sheet."""
-    from planish.io import write_page
-    from planish.report import certificate
-    from planish.report.certificate import DPI
-
     write_page(path, _as_page(certificate(scan, done, name), DPI))
 
 
 def standing_and_lying(mesh: Mesh, page_xy: Floats) -> tuple[Floats, Floats]:
     """Points of the sheet on its table, and flat on it in the same place; the page's top is away from the viewer."""
-    from planish.mesh import stand_on_table
-
     points, _, _ = stand_on_table(mesh)
     page = (page_xy - page_xy.mean(axis=0)) * [1, -1]
     standing = points - [*points[:, :2].mean(axis=0), 0]
@@ -109,6 +103,4 @@ def _as_page(pixels: Pixels | Bools, dpi: float) -> Page:
 
 
 def _in_black_and_white(page: Page) -> Bools:
-    from planish.binarize import binarize
-
     return binarize(page).pixels  # type: ignore[return-value]
