@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 import tempfile
 from collections.abc import Callable, Iterator
+from itertools import chain
 from pathlib import Path
 from time import perf_counter
 
@@ -20,10 +21,13 @@ from scipy.spatial import cKDTree
 
 from machine import machine
 from planish.acquire.depth import from_depth
-from planish.acquire.gray_code import patterns
 from planish.acquire.grid_mesh import Acquired
+from planish.acquire.phase import with_code
+from planish.acquire.points import from_points
+from planish.acquire.range_grid import from_grid, grid_photo
 from planish.acquire.structured import from_gray_code
 from planish.gallery import Sheet, sheet, typeset_sheet
+from planish.gallery.clouds import photo_points, range_image
 from planish.gallery.devices import SMALL_RIG, depth_capture, projector_rig, structured_light
 from planish.gallery.sheets import normals
 from planish.io import write_page
@@ -31,6 +35,7 @@ from planish.pipeline import restore
 from truth import character_error, read_text, rigid_rms
 
 SPOT_MM = 0.2
+STEP_MM = 0.05
 
 
 def depth_camera(book: Sheet, small: bool, frames: int) -> Callable[[], Acquired]:
@@ -39,16 +44,39 @@ def depth_camera(book: Sheet, small: bool, frames: int) -> Callable[[], Acquired
     return lambda: from_depth(made.frames, made.camera, made.photo, made.photo_camera)
 
 
-def gray_code(book: Sheet, small: bool) -> Callable[[], Acquired]:
-    camera, projector = projector_rig(book, *(SMALL_RIG if small else ()))
-    made = structured_light(book, camera, projector, patterns(projector.shape_rc), typeset_sheet(book)[0])
+def gray_code(book: Sheet, small: bool, steps: int, sizes: tuple = ()) -> Callable[[], Acquired]:
+    camera, projector = projector_rig(book, *(SMALL_RIG if small else sizes))
+    made = structured_light(book, camera, projector, with_code(projector.shape_rc, steps), typeset_sheet(book)[0])
     return lambda: from_gray_code(made.frames, camera, projector, made.photo)
 
 
 def devices(book: Sheet, small: bool) -> Iterator[tuple[str, Callable[[], Acquired]]]:
     yield "depth camera, 1 mm of noise, 1 frame", depth_camera(book, small, 1)
     yield "depth camera, 1 mm of noise, 30 frames", depth_camera(book, small, 30)
-    yield "Gray code", gray_code(book, small)
+    yield "Gray code", gray_code(book, small, 0)
+    yield "Gray code with 8 steps of phase", gray_code(book, small, 8)
+    coarse = SMALL_RIG[0], projector_rig(book)[1].shape_rc
+    yield "Gray code, camera of 640 x 512", gray_code(book, False, 0, coarse)
+    yield "the same with 8 steps of phase", gray_code(book, False, 8, coarse)
+
+
+def range_scanner(book: Sheet, small: bool) -> Callable[[], Acquired]:
+    made = range_image(book, shape_rc=(320, 240) if small else None)
+    eye = -made.camera.rotation.T @ made.camera.translation
+    on_table = made.points @ made.camera.rotation + eye
+    return lambda: from_grid(on_table, grid_photo(made.points, made.colours), seen_from=eye)
+
+
+def photogrammetry(book: Sheet, small: bool, *, photo: bool) -> Callable[[], Acquired]:
+    made = photo_points(book, points=75_000 if small else 300_000)
+    seen = (made.photo, made.camera) if photo else (None, None)
+    return lambda: from_points(made.points, made.colours, made.normals, *seen)
+
+
+def clouds(book: Sheet, small: bool) -> Iterator[tuple[str, Callable[[], Acquired]]]:
+    yield "range image, 0.05 mm of noise, its own colours", range_scanner(book, small)
+    yield "photogrammetry, 0.1 mm of noise, the points' colours", photogrammetry(book, small, photo=False)
+    yield "the same with a photo", photogrammetry(book, small, photo=True)
 
 
 def nearest_places(book: Sheet, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -56,9 +84,14 @@ def nearest_places(book: Sheet, points: np.ndarray) -> tuple[np.ndarray, np.ndar
     axes = (np.arange(0, n, SPOT_MM) for n in (book.width_mm, book.height_mm))
     spots = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
     places = book.bend(spots)
-    nearest = cKDTree(places).query(points)[1]
-    upward = normals(book, spots[nearest])
-    return spots[nearest], ((points - places[nearest]) * upward).sum(axis=1)
+    xy = spots[cKDTree(places).query(points)[1]]
+    for _ in range(2):  # from the grid's spot to the place itself, along the sheet's tangents
+        tangents = [(book.bend(xy + step) - book.bend(xy - step)) / (2 * STEP_MM) for step in STEP_MM * np.eye(2)]
+        off = points - book.bend(xy)
+        xy = xy + np.stack([(off * t).sum(axis=1) / (t * t).sum(axis=1) for t in tangents], axis=1).clip(
+            -SPOT_MM, SPOT_MM
+        )
+    return xy, ((points - book.bend(xy)) * normals(book, xy)).sum(axis=1)
 
 
 def row(name: str, acquire: Callable[[], Acquired], book: Sheet, text: str, folder: Path) -> str:
@@ -93,8 +126,12 @@ def main() -> None:
     )
     print("|---|---|---|---|---|---|---|---|")
     with tempfile.TemporaryDirectory() as folder:
-        for name, acquire in devices(book, asked.small):
+        for name, acquire in chain(devices(book, asked.small), clouds(book, asked.small)):
             print(row(name, acquire, book, text, Path(folder)), flush=True)
+        letter = sheet("letter")
+        text = typeset_sheet(letter)[1]
+        for name, acquire in clouds(letter, asked.small):
+            print(row(f"letter folded in three: {name}", acquire, letter, text, Path(folder)), flush=True)
 
 
 if __name__ == "__main__":

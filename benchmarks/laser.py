@@ -28,20 +28,13 @@ from planish.acquire.laser import from_laser, sweep_stripes
 from planish.acquire.laser_lines import from_laser_lines
 from planish.acquire.laser_rig import rig_of_squares
 from planish.gallery import sheet
-from planish.gallery.laser import VirtualSweep, truth_of, virtual_lines, virtual_sweep
+from planish.gallery.laser import VirtualSweep, squared_paper, truth_of, virtual_lines, virtual_sweep
 from planish.gallery.sheets import normals
 from planish.io import read_photo, write_page
 from planish.pipeline import restore
 from planish.settings import RestoreSettings, ShadingSettings
 from planish.types import Page
 from truth import character_error, read_text, rigid_rms
-
-
-def squared(of, square_mm=8.0, px_per_mm=6):
-    """Squared paper to print on a sheet."""
-    row, col = np.mgrid[: round(of.height_mm * px_per_mm), : round(of.width_mm * px_per_mm)]
-    line = (np.minimum(row % (square_mm * px_per_mm), col % (square_mm * px_per_mm))) < px_per_mm / 2
-    return Page(np.where(line, 60, 255).astype(np.uint8), np.ones(row.shape, bool), 25.4 * px_per_mm), ""
 
 
 def row(name: str, made: VirtualSweep, acquired: Acquired, seconds: float) -> str:
@@ -81,7 +74,7 @@ def table(count: int) -> None:
         print(row(name, made, acquired, perf_counter() - start), flush=True)
     made = virtual_lines(sheet("book"))
     lit = made.frame(0)
-    paper = virtual_lines(made.sheet, printed=squared(made.sheet), camera=made.camera)
+    paper = virtual_lines(made.sheet, printed=squared_paper(made.sheet), camera=made.camera)
     rig = rig_of_squares(paper.frame(0), paper.photo, paper.camera, 8.0)
     for name, planes in (("laser lines", made.planes[0]), ("the same, lasers from squared paper", rig.planes)):
         start = perf_counter()

@@ -8,7 +8,7 @@ import pytest
 
 from planish.acquire.depth import averaged, back_projected, from_depth, without_flying_pixels
 from planish.acquire.grid_mesh import grid_mesh
-from planish.acquire.paper import paper_mask
+from planish.acquire.paper import find_sheet
 from planish.acquire.picture import picture
 from planish.cli.main import run
 from planish.errors import InputError
@@ -112,11 +112,11 @@ def test_a_registered_photo_may_be_larger_than_the_depth_map():
 
 def test_the_sheet_is_told_from_the_ground_and_its_print_kept(book):
     _, capture = book
-    mask = paper_mask(capture.photo)
+    mask = find_sheet(capture.photo)
     spots = project(capture.photo_camera, sheet("book").bend(np.array([[108.0, 140], [5, 5], [210, 274], [60, 50]])))
     assert all(mask[round(y), round(x)] for x, y in spots)
     assert not mask[:8].any()
-    assert paper_mask(np.full((50, 50, 3), 128, np.uint8)) is None
+    assert find_sheet(np.full((50, 50, 3), 128, np.uint8)) is None
 
 
 def test_a_mask_by_hand_cuts_the_sheet_out():

@@ -1,7 +1,10 @@
 """Boards and calibration: truth from the virtual camera and projector that took the photos."""
 
 import json
+import re
+import shlex
 from dataclasses import replace
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -20,6 +23,7 @@ from planish.io import read_camera
 from planish.io.cameras import camera_as_json
 from planish.mesh import project
 
+SESSION = Path(__file__).parent.parent / "docs" / "acquire.md"
 BOARD = Board(9, 7, 18.0)
 CAMERA, PROJECTOR = projector_rig(sheet("book"), *SMALL_RIG)
 WHITE = [np.full(SMALL_RIG[1], 255, np.uint8)]
@@ -157,41 +161,32 @@ def test_the_picture_of_the_poses(calibrated):
     assert all((panel < 200).any() for panel in np.array_split(drawn, 3, axis=1))
 
 
-def test_from_photos_to_a_page_by_the_commands(photos, captures, tmp_path, capsys):
-    """The session of docs/acquire.md, on few and small photos."""
-    at = lambda name: str(tmp_path / name)  # noqa: E731
-    for k, photo in enumerate(photos):
-        (tmp_path / "camera").mkdir(exist_ok=True)
-        cv2.imwrite(at(f"camera/{k}.png"), photo)
-    for k, frames in enumerate(captures):
-        (tmp_path / f"pose_{k}").mkdir()
-        for n, frame in enumerate(frames):
-            cv2.imwrite(at(f"pose_{k}/{n}.png"), frame)
+def test_from_photos_to_a_page_by_the_commands(photos, captures, tmp_path, monkeypatch, capsys):
+    """The session of docs/acquire.md by copy and paste, on fewer photos than `planish acquire virtual` makes."""
+    monkeypatch.chdir(tmp_path)
+    session = re.search(r"```console\n(planish acquire virtual boards .+?)```", SESSION.read_text(), re.S)[1]
+    commands = [shlex.split(line)[1:] for line in session.splitlines()]
     book = sheet("book")
     made = structured_light(book, CAMERA, PROJECTOR, patterns(SMALL_RIG[1]), typeset_sheet(book)[0])
-    (tmp_path / "book").mkdir()
-    for n, frame in enumerate(made.frames):
-        cv2.imwrite(at(f"book/{n}.png"), frame)
-    cv2.imwrite(at("photo.png"), made.photo[..., ::-1])
-    squares = ["--squares", "9", "7", "--square-mm", "18"]
-    poses = [at(f"pose_{k}") for k in range(len(captures))]
-    assert run(["calibrate", "camera", at("camera"), *squares, "-o", at("cam.json"), "--picture", at("cam.png")]) == 0
-    size = ["--size", "640", "400"]
-    assert (
-        run(["calibrate", "projector", *poses, *size, *squares, "--camera", at("cam.json"), "-o", at("lamp.json")]) == 0
-    )
-    assert read_camera(at("lamp.json")).shape_rc == SMALL_RIG[1]
-    devices = ["--camera", at("cam.json"), "--projector", at("lamp.json")]
-    assert run(["acquire", "gray-code", at("book"), *devices, "--photo", at("photo.png"), "-o", at("scan.ply")]) == 0
-    assert (
-        run(["restore", at("scan.ply"), "-o", at("page.png"), "--dpi", "100", "--report", at("report.json"), "-q"]) == 0
-    )
-    page = json.loads((tmp_path / "report.json").read_text())["page"]
+    folders = {"camera": photos, "book/photos": made.frames} | {f"pose_{k}": c for k, c in enumerate(captures)}
+    for name, images in folders.items():
+        folder = tmp_path / "try" / name
+        folder.mkdir(parents=True)
+        for k, image in enumerate(images):
+            cv2.imwrite(str(folder / f"{k}.png"), image)
+    cv2.imwrite("try/book/photo.png", made.photo[..., ::-1])
+    assert [words[:2] for words in commands[:2]] == [["acquire", "virtual"]] * 2
+    for words in commands[2:]:
+        there = [path for word in words for path in (sorted(map(str, Path().glob(word))) if "*" in word else [word])]
+        more = ["--dpi", "100", "--report", "report.json", "-q"] if words[0] == "restore" else []
+        assert run([*there, *more]) == 0, capsys.readouterr().err
+    assert read_camera("try/proj.json").shape_rc == SMALL_RIG[1]
+    page = json.loads(Path("report.json").read_text())["page"]
     # of 215.9 x 279.4: up to two camera pixels of 0.55 mm are lost at each side, and the scale is good to 0.3 %
     assert page["width_mm"] == pytest.approx(214.5, abs=2.2)
     assert page["height_mm"] == pytest.approx(278.5, abs=2.2)
-    (tmp_path / "other.json").write_text(json.dumps({**camera_as_json(CAMERA), "image_size": [1280, 1024]}))
+    Path("other.json").write_text(json.dumps({**camera_as_json(CAMERA), "image_size": [1280, 1024]}))
     capsys.readouterr()
-    wrong = ["--camera", at("other.json"), "--projector", at("lamp.json"), "-o", at("x.ply")]
-    assert run(["acquire", "gray-code", at("book"), *wrong]) == 3
+    wrong = ["--camera", "other.json", "--projector", "try/proj.json", "-o", "x.ply"]
+    assert run(["acquire", "gray-code", "try/book/photos", *wrong]) == 3
     assert "but the camera's numbers are for 1280 x 1024" in capsys.readouterr().err

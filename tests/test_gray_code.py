@@ -20,8 +20,8 @@ from planish.acquire.triangulate import meet_plane, rays
 from planish.cli.main import run
 from planish.errors import InputError, UsageError
 from planish.gallery import sheet, typeset_sheet
-from planish.gallery.devices import SMALL_RIG, projector_rig, structured_light
-from planish.gallery.view import view
+from planish.gallery.devices import PROJECTOR_LENS, SMALL_RIG, projector_rig, structured_light
+from planish.gallery.view import device, view
 from planish.io import image_files, read_captures
 from planish.io.cameras import camera_as_json
 from planish.mesh import project
@@ -116,6 +116,30 @@ def test_a_projector_calibrated_at_another_scale_is_refused_with_the_factor(rig,
     with pytest.raises(InputError, match=f"say --projector-scale {factor:g}"):
         check_fit(camera, wrong, xy, code)
     assert check_fit(camera, coarser(wrong, factor), xy, code) < 0.01
+
+
+def test_patterns_that_were_stretched_one_way_are_refused(rig):
+    """The projector stands above the camera, where rays miss each other little if its rows alone are scaled."""
+    camera, _ = rig
+    projector = device((10, 230, 590), (0, 0, 10), 375, PROJECTOR, PROJECTOR_LENS)
+    row, col = np.mgrid[5:512:9, 5:640:9]
+    seen = view(sheet("book"), camera).points[row, col].reshape(-1, 3)  # table and page
+    xy, code = np.c_[col.ravel(), row.ravel()].astype(float), project(projector, seen)
+    assert check_fit(camera, projector, xy, code) < 0.01
+    for factor in (1.25, 0.8):
+        stretched = code * [1, factor]  # rows of the calibration are finer
+        with pytest.raises(InputError, match=rf"if its rows are taken to be {1 / factor:.3g} .* off a plane instead"):
+            check_fit(camera, projector, xy, stretched)
+
+
+def test_errors_that_no_scale_explains_are_not_put_down_to_one(rig):
+    """Rays that miss each other a little are noted, not refused, and a bent sheet is not made flat."""
+    camera, projector = rig
+    points = np.random.default_rng(0).uniform([-90, -120, 0], [90, 120, 30], (2000, 3))
+    points[:, 2] = 30 * np.cos(points[:, 0] / 40)
+    turn = cv2.Rodrigues(np.array([0.003, 0, 0.0]))[0]
+    moved = replace(projector, rotation=turn @ projector.rotation, translation=turn @ projector.translation)
+    assert 0.7 < check_fit(camera, moved, project(camera, points), project(projector, points)) < 2.5
 
 
 def test_a_projector_that_was_moved_is_refused(rig):

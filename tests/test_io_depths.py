@@ -2,6 +2,7 @@
 
 import cv2
 import numpy as np
+import OpenEXR
 import pytest
 import tifffile
 
@@ -9,6 +10,11 @@ from planish.errors import InputError, UsageError
 from planish.io import read_depths
 
 DEPTH = np.array([[650.0, 0.0, 702.0], [512.0, 433.0, 1200.0]])  # [mm]
+
+
+def write_exr(path, **channels):
+    kept = {name: pixels.astype(np.float32) for name, pixels in channels.items()}
+    OpenEXR.File({"type": OpenEXR.scanlineimage}, kept).write(str(path))
 
 
 @pytest.fixture
@@ -20,6 +26,9 @@ def files(tmp_path):
     tifffile.imwrite(tmp_path / "sixteen.tif", DEPTH.astype(np.uint16))
     np.save(tmp_path / "metres.npy", DEPTH / 1000)
     np.save(tmp_path / "three.npy", np.stack([DEPTH] * 3))
+    write_exr(tmp_path / "metres.exr", Z=DEPTH / 1000)
+    write_exr(tmp_path / "only.exr", distance=DEPTH)
+    write_exr(tmp_path / "colours.exr", A=DEPTH, B=DEPTH)
     return tmp_path
 
 
@@ -35,6 +44,8 @@ def files(tmp_path):
         ("sixteen.tif", "kinect", 1),
         ("metres.npy", "m", 1),
         ("three.npy", "mm", 3),
+        ("metres.exr", "auto", 1),
+        ("only.exr", "auto", 1),
     ],
 )
 def test_all_kinds_give_the_same_millimetres(files, name, scale, count):
@@ -60,6 +71,7 @@ def test_what_is_no_depth_map_is_said(files, tmp_path):
     cv2.imwrite(str(tmp_path / "eight.png"), DEPTH.astype(np.uint8))
     (tmp_path / "cut.npy").write_bytes((files / "metres.npy").read_bytes()[:140])
     (tmp_path / "text.png").write_text("depth")
+    (tmp_path / "cut.exr").write_bytes((files / "metres.exr").read_bytes()[:250])
     np.save(tmp_path / "colours.npy", np.zeros((3, 4, 5, 2)))
     (tmp_path / "empty").mkdir()
     for name, sentence in {
@@ -67,7 +79,8 @@ def test_what_is_no_depth_map_is_said(files, tmp_path):
         "cut.npy": "cut short",
         "text.png": "is no image",
         "colours.npy": "one number a pixel is wanted",
-        "depth.exr": "EXR is not read",
+        "cut.exr": "damaged or cut short",
+        "colours.exr": "has the channels A, B; depth is wanted",
         "nothing.png": "there is no such file",
         "empty": "holds no depth map",
     }.items():

@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planish.acquire.boards import FEWEST, Board, corner_places, find_corners
-from planish.acquire.frames import check_frames
-from planish.acquire.gray_code import Grey, decode
-from planish.acquire.sub_code import refined
+from planish.acquire.gray_code import Grey
+from planish.acquire.structured import located
 from planish.errors import InputError
 from planish.types import Camera, Floats
 
@@ -106,7 +105,7 @@ def calibrate_projector(
     Parameters
     ----------
     captures : sequence of (n, rows, cols) uint8
-        For each pose of the board the frames of `gray_code.patterns`.
+        For each pose of the board the frames as for `structured.located`.
     board : Board
     camera : Camera
         Its frame becomes the world's.
@@ -126,11 +125,11 @@ def calibrate_projector(
                 f"are for {camera.shape_rc[1]} x {camera.shape_rc[0]}; give the calibration of this camera at this size"
             )
         try:
-            check_frames(frames, shape_rc)
+            code = located(frames, shape_rc).place
         except InputError as problem:
             raise InputError(f"pose {k + 1}: {problem}") from None
         found = find_corners(board, _eight_bit(frames[-2]))
-        lit = None if found is None else _on_projector(frames, shape_rc, found[1], _square_px(found, board))
+        lit = None if found is None else _on_projector(code, found[1], _square_px(found, board))
         if found is None or lit is None or np.isfinite(lit[:, 0]).sum() < FEWEST:
             lost.append(str(k + 1))
             continue
@@ -226,9 +225,11 @@ def _pose(camera: Camera, place: Floats, xy: Floats) -> tuple[Floats, Floats]:
     return cv2.Rodrigues(turn)[0], np.ravel(shift)
 
 
-def _on_projector(frames: Grey, shape_rc: tuple[int, int], corners: Floats, square_px: float) -> Floats:
-    """Where corners of the camera's photo lie on the projector, (k, 2) [projector px]; NaN where it did not light."""
-    code = refined(frames, decode(frames, shape_rc), shape_rc)
+def _on_projector(code: Floats, corners: Floats, square_px: float) -> Floats:
+    """Where corners of the camera's photo lie on the projector, (k, 2) [projector px]; NaN where it did not light.
+
+    Code (rows, cols, 2) is where the camera's pixels lie on it.
+    """
     known = np.argwhere(np.isfinite(code).all(axis=2))[:, ::-1].astype(np.float64)
     reach = max(4.0, AROUND * square_px)
     places = np.full((len(corners), 2), np.nan)

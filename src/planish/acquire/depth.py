@@ -58,7 +58,7 @@ def from_depth(
     stack = _stack(frames, camera)
     seen_from = _photo_camera(camera, photo, photo_camera)
     depth, agree = averaged(stack)
-    noise_mm = _noise(depth)
+    noise_mm = pixel_noise(depth)
     depth = without_flying_pixels(depth, camera, noise_mm)
     points = back_projected(camera, depth)
     sheet, warnings = sheet_mask(photo, mask)
@@ -140,14 +140,27 @@ def without_flying_pixels(depth: Floats, camera: Camera, noise_mm: float = 0.0) 
     -------
     (rows, cols) float64 [mm]
     """
-    flying = np.zeros(depth.shape, bool)
+    half = [np.maximum(STEEPEST / 2 * depth / camera.matrix[k, k], 4 * noise_mm) for k in (1, 0)]
+    return np.where(flying_pixels(depth, half), np.nan, depth)
+
+
+def flying_pixels(far: Floats, half: Sequence[Floats]) -> Bools:
+    """Which pixels hang between a nearer and a farther neighbour, more than `half` a jump from both.
+
+    Parameters
+    ----------
+    far : (rows, cols) float64
+        How far away each pixel's point is; NaN where there is none.
+    half : two of (rows, cols) float64
+        For the neighbours above and below, and for those to the left and right.
+    """
+    flying = np.zeros(far.shape, bool)
     for axis in (0, 1):
-        d = np.moveaxis(depth, axis, 0)
-        half = np.maximum(STEEPEST / 2 * d[1:-1] / camera.matrix[1 - axis, 1 - axis], 4 * noise_mm)
+        d, h = np.moveaxis(far, axis, 0), np.moveaxis(half[axis], axis, 0)[1:-1]
         before, after = d[1:-1] - d[:-2], d[2:] - d[1:-1]
-        between = (np.minimum(before, after) > half) | (np.maximum(before, after) < -half)
+        between = (np.minimum(before, after) > h) | (np.maximum(before, after) < -h)
         np.moveaxis(flying, axis, 0)[1:-1] |= between
-    return np.where(flying, np.nan, depth)
+    return flying
 
 
 def back_projected(camera: Camera, depth: Floats) -> Floats:
@@ -161,15 +174,24 @@ def back_projected(camera: Camera, depth: Floats) -> Floats:
 
 def on_mask(points: Floats, camera: Camera, mask: Bools) -> Floats:
     """The map of points (rows, cols, 3) with NaN where a photo's mask (h, w) is false, or the photo ends."""
-    column, row = np.rint(np.nan_to_num(project(camera, points.reshape(-1, 3)), nan=-1, posinf=-1, neginf=-1)).T
-    inside = (row >= 0) & (row < mask.shape[0]) & (column >= 0) & (column < mask.shape[1])
-    keep = np.zeros(len(row), bool)
-    keep[inside] = mask[row[inside].astype(int), column[inside].astype(int)]
+    keep = on_white(project(camera, points.reshape(-1, 3)), mask)
     return np.where(keep.reshape(*points.shape[:2], 1), points, np.nan)
 
 
-def _noise(depth: Floats) -> float:
-    """Standard deviation of the noise from pixel to pixel [mm]: of second differences, those of a surface are small."""
+def on_white(xy: Floats, mask: Bools) -> Bools:
+    """Which places (k, 2) [px] lie where a mask (h, w) is true; none does that is not finite or not on it."""
+    column, row = np.rint(np.nan_to_num(xy, nan=-1, posinf=-1, neginf=-1)).T
+    inside = (row >= 0) & (row < mask.shape[0]) & (column >= 0) & (column < mask.shape[1])
+    keep = np.zeros(len(row), bool)
+    keep[inside] = mask[row[inside].astype(int), column[inside].astype(int)]
+    return keep
+
+
+def pixel_noise(depth: Floats) -> float:
+    """Standard deviation of the noise from pixel to pixel, in the unit of the depths (rows, cols).
+
+    Found from second differences along the rows: those of a surface are small.
+    """
     second = depth[:, :-2] - 2 * depth[:, 1:-1] + depth[:, 2:]
     second = second[np.isfinite(second)]
     return float(1.4826 * np.median(np.abs(second)) / np.sqrt(6)) if len(second) else 0.0
@@ -200,11 +222,7 @@ def _photo_camera(camera: Camera, photo: Pixels, photo_camera: Camera | None) ->
     """The camera of the photo: the one given, or the depth camera at the photo's size."""
     shape = photo.shape[:2]
     if photo_camera is not None:
-        if shape != tuple(photo_camera.shape_rc):
-            raise InputError(
-                f"the photo is {_size(shape)} pixels, but its camera's numbers are for {_size(photo_camera.shape_rc)}; "
-                "give the calibration of this camera at this size"
-            )
+        check_photo_size(photo, photo_camera)
         return photo_camera
     down, across = (photo_side / side for photo_side, side in zip(shape, camera.shape_rc, strict=True))
     if abs(down / across - 1) > 0.01:
@@ -217,6 +235,15 @@ def _photo_camera(camera: Camera, photo: Pixels, photo_camera: Camera | None) ->
         matrix[k] *= factor
         matrix[k, 2] += (factor - 1) / 2  # pixel centres lie at integers
     return replace(camera, matrix=matrix, shape_rc=(shape[0], shape[1]))
+
+
+def check_photo_size(photo: Pixels, camera: Camera) -> None:
+    """Refuse a photo that is not of its camera's size."""
+    if photo.shape[:2] != tuple(camera.shape_rc):
+        raise InputError(
+            f"the photo is {_size(photo.shape)} pixels, but its camera's numbers are for {_size(camera.shape_rc)}; "
+            "give the calibration of this camera at this size"
+        )
 
 
 def _size(shape_rc: tuple[int, ...]) -> str:

@@ -15,8 +15,9 @@ SEEN = 0.01
 CLIPPED, NEARLY = 0.25, 0.985
 """At most this part of the lit pixels may be at or above so much of the greatest value under white."""
 
-PAIRED = 0.12
-"""Pattern and inverse together are white and black together, to this part of their difference (mean)."""
+PAIRED = 0.06
+"""Pattern and inverse together are at least white and black together, to this part of their difference (mean). They may
+be more: where fine stripes blur, a camera that brightens dark tones (sRGB) shows both brighter than half."""
 
 SAME = 0.1
 """Two photos show the same pattern where their difference is below this part of white minus black (mean)."""
@@ -26,6 +27,9 @@ CLEAR = 0.3
 
 AGREED = 0.45
 """Part of the stripe edges at which each lower bit must be what the code has there."""
+
+RESOLVED = 0.2
+"""A bit whose pattern and inverse differ by less than this part of white and black (mean) is too fine to be seen."""
 
 FEWEST_EDGES = 50
 """Of a bit, in the photo, to say anything about the lower ones."""
@@ -64,12 +68,13 @@ def check_frames(frames: Grey, shape_rc: tuple[int, int]) -> list[str]:
     step = max(1, min(frames.shape[1:]) // LOOK)
     small = frames[:, ::step, ::step].astype(np.float32)
     warnings = [] if len(frames) != wanted else _check_light(frames)
-    lit = _lit(small)
+    lit = varied(small)
     _check_count(small, lit, wanted, shape_rc)
     _check_pairs(small, lit, bits)
     bounds = ((0, bits_for(shape_rc[1])), (bits_for(shape_rc[1]), bits))
     for name, (first, last) in zip(("column", "row"), bounds, strict=True):
-        _check_order(frames, first, last, name)
+        fine = next((k for k in range(first, last) if not _resolved(small, lit, k)), last)
+        _check_order(frames, first, fine, name)
     return warnings
 
 
@@ -84,20 +89,20 @@ def _check_light(frames: Grey) -> list[str]:
             else "is the projector in the camera's view, on, and bright enough?"
         )
         raise InputError(
-            f"white (photo {len(frames) - 1}) lights {100 * share:.1f} % of the view more than black: {hint}"
+            f"white (the last photo but one) lights {100 * share:.1f} % of the view more than black: {hint}"
         )
     clipped = float((frames[-2][lit] >= NEARLY * bright_end(frames)).mean())
     if frames.dtype == np.uint8 and clipped > CLIPPED:
         raise InputError(
-            f"{100 * clipped:.0f} % of what the projector lights is overexposed under white (photo {len(frames) - 1}); "
-            "expose for less, until no part of the sheet is clipped"
+            f"{100 * clipped:.0f} % of what the projector lights is overexposed under white (the last photo but "
+            "one); expose for less, until no part of the sheet is clipped"
         )
     if frames.dtype == np.uint8 and clipped > 0.02:
         return [f"{100 * clipped:.0f} % of what the projector lights is overexposed; points there are less exact"]
     return []
 
 
-def _lit(small: NDArray[np.float32]) -> Bools:
+def varied(small: NDArray[np.float32]) -> Bools:
     """Where the photos differ most from each other: lit by the projector, whichever photo is missing."""
     spread = np.ptp(small, axis=0)
     return np.asarray(spread > 0.5 * np.quantile(spread, 0.98))
@@ -112,7 +117,7 @@ def _check_count(small: NDArray[np.float32], lit: Bools, wanted: int, shape_rc: 
     if found > wanted and twice:
         raise InputError(f"{said}: photos {twice} and {twice + 1} show the same pattern; take one of them away")
     if found == wanted - 1:
-        first = next((k for k in range(0, found - 2, 2) if _unpaired(small, lit, k)), None)
+        first = next((k for k in range(0, found - 2, 2) if unpaired(small, lit, k)), None)
         if first is None:
             raise InputError(f"{said}: white or black at the end is missing")
         raise InputError(f"{said}: photo {first + 1} or {first + 2} of the {wanted} is missing")
@@ -128,22 +133,28 @@ def _doubled(small: NDArray[np.float32], lit: Bools) -> int | None:
     low, high = seen.min(axis=0), seen.max(axis=0)
     share = (seen - low) / (high - low)
     for k in range(len(small) - 1):
-        striped = 0.1 < (share[k] > 0.5).mean() < 0.9
+        striped = 0.1 < (share[k] > 0.5).mean() < 0.9 and np.abs(share[k] - 0.5).mean() > RESOLVED
         if striped and np.abs(share[k] - share[k + 1]).mean() < SAME:
             return k + 1
     return None
 
 
-def _unpaired(small: NDArray[np.float32], lit: Bools, k: int) -> bool:
+def unpaired(small: NDArray[np.float32], lit: Bools, k: int) -> bool:
     """Whether photos k and k + 1 are not a pattern and its inverse."""
     a, b = small[k, lit], small[k + 1, lit]
     high, low = small[:, lit].max(axis=0), small[:, lit].min(axis=0)
-    return bool(np.mean(np.abs(a + b - high - low) / (high - low)) > PAIRED)
+    return bool(np.mean(np.maximum(high + low - a - b, 0) / (high - low)) > PAIRED)
+
+
+def _resolved(small: NDArray[np.float32], lit: Bools, bit: int) -> bool:
+    """Whether the stripes of a bit are seen at all."""
+    contrast = np.abs(small[-2, lit] - small[-1, lit])
+    return bool(np.mean(np.abs(small[2 * bit, lit] - small[2 * bit + 1, lit]) / contrast) > RESOLVED)
 
 
 def _check_pairs(small: NDArray[np.float32], lit: Bools, bits: int) -> None:
     twice = _doubled(small[: 2 * bits], lit)
-    broken = [k for k in range(0, 2 * bits, 2) if _unpaired(small, lit, k)]
+    broken = [k for k in range(0, 2 * bits, 2) if unpaired(small, lit, k)]
     if twice:
         raise InputError(
             f"photos {twice} and {twice + 1} show the same pattern, so another is missing; take the photos again"

@@ -8,7 +8,7 @@ import numpy as np
 
 from planish.errors import InputError
 from planish.mesh import lattice_faces, without_crumbs
-from planish.types import Camera, Floats, Mesh, Scan, freeze
+from planish.types import Bools, Camera, Floats, Mesh, Scan, freeze
 
 STEEPEST = 8.0
 """Neighbouring pixels whose depths differ by more than so many pixel widths (83 degrees) are not joined: neither
@@ -79,19 +79,45 @@ def grid_mesh(points: Floats, camera: Camera, *, noise_mm: float = 0.0) -> tuple
     >>> len(mesh.points), len(mesh.faces), photo_xy[:2].tolist()
     (24, 24, [[0.0, 0.0], [1.0, 0.0]])
     """
-    known = np.isfinite(points).all(axis=2)
+    known: Bools = np.asarray(np.isfinite(points).all(axis=2))
     place = points[known] @ camera.rotation.T + np.ravel(camera.translation)
-    index = np.full(known.shape, -1, np.int32)
-    index[known] = np.arange(len(place), dtype=np.int32)
     depth = place[:, 2]
     relative = np.column_stack([place[:, :2] / depth[:, None], np.log(depth)])  # a step here is a part of the depth
     typical = float(np.median(depth)) if len(depth) else 1.0
-    step = max(STEEPEST / camera.matrix[0, 0], NOISE_STEPS * noise_mm / typical)
+    return joined(points, known, relative, max(STEEPEST / camera.matrix[0, 0], NOISE_STEPS * noise_mm / typical))
+
+
+def joined(points: Floats, known: Bools, relative: Floats, step: float) -> tuple[Mesh, Floats]:
+    """Join neighbouring pixels of a map of points whose distances differ by no more than a step.
+
+    Parameters
+    ----------
+    points : (rows, cols, 3) float64 [mm]
+    known : (rows, cols) bool
+        Which pixels hold a point.
+    relative : (k, d) float64
+        Of the known ones, in their order: where each is across the line of sight, in units of the step; the last
+        number is how far away it is.
+    step : float
+
+    Returns
+    -------
+    mesh : Mesh
+        Without small loose pieces.
+    pixel_xy : (n, 2) float64 [px]
+
+    Raises
+    ------
+    InputError
+        If no three neighbouring pixels see one surface.
+    """
+    index = np.full(known.shape, -1, np.int32)
+    index[known] = np.arange(len(relative), dtype=np.int32)
     faces = lattice_faces(index, relative, step)
     if not len(faces):
         raise InputError(
             f"{known.sum():,} of {known.size:,} pixels have a depth, and no three neighbours make a surface; is "
             "the unit of the depth right, and the sheet in view?"
         )
-    used, faces = without_crumbs(faces, len(place))
+    used, faces = without_crumbs(faces, len(relative))
     return Mesh(points[known][used], faces), np.argwhere(known)[used][:, ::-1].astype(np.float64)

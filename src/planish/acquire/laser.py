@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from planish.acquire.depth import back_projected, on_mask
 from planish.acquire.grid_mesh import Acquired, grid_mesh
-from planish.acquire.paper import paper_mask
+from planish.acquire.paper import sheet_mask
 from planish.acquire.stripes import Direction, find_stripes, laser_channel, print_of
 from planish.acquire.sweep_grid import cell_of, gridded
 from planish.acquire.sweep_order import check_order
@@ -153,18 +153,14 @@ def from_laser(
         depth, agree, noise = depth.T, agree.T, noise.T
     coarse = coarser(camera, cell, depth.shape)
     points = back_projected(coarse, depth)
-    warnings = list(sweep.warnings)
-    if isinstance(mask, str):
-        mask = paper_mask(photo)
-        if mask is None:
-            warnings.append("no sheet stands out from its ground on the photo, so all that was seen was kept")
-    if mask is not None:
-        points = on_mask(points, camera, mask)
+    sheet, said = sheet_mask(photo, mask)
+    if sheet is not None:
+        points = on_mask(points, camera, sheet)
     noise_mm = float(np.nanmedian(np.where(np.isfinite(points[..., 0]), noise, np.nan)))
     mesh, pixel_xy = grid_mesh(points, coarse, noise_mm=noise_mm)
     column, row = pixel_xy.astype(int).T
     scan = Scan(mesh, photo, project(camera, mesh.points), camera)
-    return Acquired(scan, agree[row, column], noise_mm, tuple(warnings))
+    return Acquired(scan, agree[row, column], noise_mm, (*sweep.warnings, *said))
 
 
 def planes_from_background(sweep: Sweep, names: list[str], camera: Camera, known: Floats, regions: Floats) -> Floats:

@@ -21,6 +21,12 @@ FEWEST_ON_BOARD = 20
 ALIKE = 0.03
 """Of the length of what the lines show, their spread across it: with less, they are almost one line in space."""
 
+STRAIGHT = 0.04
+"""Of a square: so far from a straight line what a laser lights on a board may lie; beyond it are stray gleams."""
+
+TRIALS = 300
+"""Pairs of points that are tried for the line: with half of them stray one pair in four is good."""
+
 BOARD_MISFIT_PX = 2.0
 """Rms distance of the board's corners from where the camera should see them."""
 
@@ -62,20 +68,10 @@ def planes_of_boards(
     InputError
         If a photo shows no board or no line, or the poses are too alike to tell a plane from them.
     """
-    seen: list[list[Floats]] = [[] for _ in range(lines)]
-    for photo, name in zip(photos, names, strict=True):
-        if photo.shape[:2] != tuple(camera.shape_rc):
-            raise InputError(
-                f"{name} is {photo.shape[1]} x {photo.shape[0]} pixels, but the camera's numbers are for "
-                f"{camera.shape_rc[1]} x {camera.shape_rc[0]}; give the calibration of this camera at this size"
-            )
-        plane, outline = _pose(photo, name, camera, board)
-        for line, xy in enumerate(_on_board(photo, name, outline, lines)):
-            directions, eye = rays(camera, xy)
-            seen[line].append(meet_plane(eye, directions, plane))
+    seen = points_on_boards(photos, names, camera, board, lines)
     planes, rms = [], []
-    for parts in seen:
-        points = np.concatenate(parts)
+    for line in range(lines):
+        points = np.concatenate([parts[line] for parts in seen])
         length, spread, _ = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
         if spread < ALIKE * length:
             raise InputError(
@@ -86,6 +82,51 @@ def planes_of_boards(
         planes.append(plane)
         rms.append(off)
     return LaserPlanes(np.array(planes), np.array(rms), sum(len(part) for parts in seen for part in parts))
+
+
+def points_on_boards(
+    photos: list[Pixels], names: list[str], camera: Camera, board: Board, lines: int = 1
+) -> list[list[Floats]]:
+    """Find what lasers light on a board: for every photo, for every line, points (k, 3) [mm] in the world.
+
+    Raises
+    ------
+    InputError
+        If a photo shows no board or no line, or is of another camera.
+    """
+    seen = []
+    for photo, name in zip(photos, names, strict=True):
+        if photo.shape[:2] != tuple(camera.shape_rc):
+            raise InputError(
+                f"{name} is {photo.shape[1]} x {photo.shape[0]} pixels, but the camera's numbers are for "
+                f"{camera.shape_rc[1]} x {camera.shape_rc[0]}; give the calibration of this camera at this size"
+            )
+        plane, outline = _pose(photo, name, camera, board)
+        parts = []
+        for xy in _on_board(photo, name, outline, lines):
+            directions, eye = rays(camera, xy)
+            points = _straight(meet_plane(eye, directions, plane), STRAIGHT * board.square_mm)
+            if len(points) < FEWEST_ON_BOARD:
+                raise InputError(
+                    f"in {name} no straight laser line is seen on the board; is the laser on, the number of lines "
+                    "right, and does each cross the squares?"
+                )
+            parts.append(points)
+        seen.append(parts)
+    return seen
+
+
+def _straight(points: Floats, off: float) -> Floats:
+    """Those of points (k, 3) that lie on one straight line, the one on which most do."""
+    points = points[np.isfinite(points).all(axis=1)]
+    pairs = np.random.default_rng(0).integers(max(len(points), 1), size=(TRIALS, 2))
+    best = np.zeros(len(points), bool)
+    for a, b in points[pairs] if len(points) else ():
+        way = (b - a) / max(float(np.linalg.norm(b - a)), 1e-12)
+        beside = points - a
+        near = np.linalg.norm(beside - np.outer(beside @ way, way), axis=1) < off
+        best = near if near.sum() > best.sum() else best
+    return points[best]
 
 
 def _pose(photo: Pixels, name: str, camera: Camera, board: Board) -> tuple[Floats, Floats]:

@@ -15,7 +15,7 @@ from scipy.optimize import least_squares
 
 from planish.acquire.grid_mesh import Acquired, grid_mesh
 from planish.acquire.laser import coarser, crossings_xy
-from planish.acquire.paper import paper_mask
+from planish.acquire.paper import sheet_mask
 from planish.acquire.stripes import find_stripes, laser_channel, print_of
 from planish.acquire.triangulate import meet_plane, rays
 from planish.errors import InputError
@@ -258,22 +258,21 @@ def from_laser_lines(
     cylinder = cylinder_of(upper, lower, camera)
     warnings = [] if photo is not None else ["no laser-off photo was given, so the laser lines stay on the page"]
     shown = lit if photo is None else photo
-    if isinstance(mask, str):
-        mask = paper_mask(shown)
+    sheet, said = sheet_mask(shown, mask)
     rows, cols = camera.shape_rc
-    cell = max(1, round(float(np.sqrt((rows * cols if mask is None else mask.sum()) / POINTS))))
+    cell = max(1, round(float(np.sqrt((rows * cols if sheet is None else sheet.sum()) / POINTS))))
     coarse = coarser(camera, cell, (rows // cell, cols // cell))
     xy = np.stack(np.meshgrid(np.arange(cols // cell) + 0.0, np.arange(rows // cell)), axis=-1).reshape(-1, 2)
     points, _ = on_cylinder(cylinder, rays(coarse, xy)[0])
     points = points.reshape(rows // cell, cols // cell, 3)
-    if mask is not None:
-        small = cv2.resize(mask.astype(np.uint8), points.shape[1::-1], interpolation=cv2.INTER_NEAREST)
+    if sheet is not None:
+        small = cv2.resize(sheet.astype(np.uint8), points.shape[1::-1], interpolation=cv2.INTER_NEAREST)
         points[small == 0] = np.nan
     gap = profile_gap(upper, lower, cylinder.eye, cylinder.axes)
     mesh, _ = grid_mesh(points, coarse)
     scan = Scan(mesh, shown, project(camera, mesh.points), camera)
     noise_mm = float(1.4826 * np.median(np.abs(gap)) / np.sqrt(2))
-    return Acquired(scan, np.ones(len(mesh.points)), noise_mm, tuple(warnings))
+    return Acquired(scan, np.ones(len(mesh.points)), noise_mm, (*warnings, *said))
 
 
 def _polar(points: Floats, eye: Floats, axes: Floats) -> tuple[Floats, Floats]:

@@ -15,6 +15,13 @@ from planish.acquire.triangulate import rays
 from planish.errors import InputError
 from planish.types import Camera, Floats, Pixels
 
+CENTRED = 0.02
+"""Of the focal length: how far a lens's axis is usually off the photo's middle. It counts as one corner of a square
+does, so that it decides only where the squares do not, as on flat paper."""
+
+FIT = 0.05
+"""Squares: corners farther from their places count less."""
+
 GOOD_FIT = 0.4
 """Rms distance, in squares, of the corners from their places, above which the lasers are not found."""
 
@@ -25,7 +32,7 @@ class LaserRig(NamedTuple):
     Attributes
     ----------
     camera : Camera
-        As it was given, or with the lens's distortion that was found.
+        As it was given, or with the lens's distortion and principal point that were found.
     planes : (2, 4) float64
         Upper and lower, a x + b y + c z + d = 0 [mm] in the camera's world.
     rms_squares : float
@@ -58,7 +65,8 @@ def rig_of_squares(
     square_mm : float
         Side of a square.
     lens : bool
-        Also find the lens's first radial distortion (OpenCV's k1), where the camera is known by its focal length alone.
+        Also find the lens's first radial distortion (OpenCV's k1) and the principal point, where the camera is known by
+        its focal length alone.
 
     Raises
     ------
@@ -85,12 +93,13 @@ def rig_of_squares(
         axes = axes_of(still, guess[6:8])
         cylinder = profiled(upper, lower, np.zeros(3), axes)
         off = [_off_lattice(on_cylinder(cylinder, rays(seen_by, s.xy)[0])[1], s) for s in lattices]
-        return np.concatenate([profile_gap(upper, lower, np.zeros(3), axes), *(part.ravel() for part in off)])
+        usual = guess[9:] / CENTRED * FIT
+        return np.concatenate([usual, profile_gap(upper, lower, np.zeros(3), axes), *(part.ravel() for part in off)])
 
-    guess = np.concatenate([_about(plane, depth) for plane, _ in start] + [np.zeros(2 + lens)])
-    room = np.array(2 * [0.3, 0.7, 0.3 * depth] + [0.3, 0.3] + lens * [0.4])
+    guess = np.concatenate([_about(plane, depth) for plane, _ in start] + [np.zeros(2 + 3 * lens)])
+    room = np.array(2 * [0.3, 0.7, 0.3 * depth] + [0.3, 0.3] + lens * [0.4, 0.1, 0.1])
     bounds = guess - room, guess + room
-    best = least_squares(misses, guess, bounds=bounds, x_scale=room, loss="soft_l1", f_scale=0.05, max_nfev=60).x
+    best = least_squares(misses, guess, bounds=bounds, x_scale=room, loss="soft_l1", f_scale=FIT, max_nfev=60).x
     corners = sum(len(squares.xy) for squares in lattices)
     off = misses(best)[-2 * corners :]
     rms = float(np.sqrt(2 * np.mean(off**2)))
@@ -108,8 +117,13 @@ def rig_of_squares(
     return LaserRig(_with_lens(camera, best[8:]), world, rms, corners)
 
 
-def _with_lens(camera: Camera, k1: Floats) -> Camera:
-    return replace(camera, distortion=np.array([k1[0], 0.0, 0, 0])) if len(k1) else camera
+def _with_lens(camera: Camera, lens: Floats) -> Camera:
+    """The camera with k1, and with a principal point moved by parts of the focal length; as it is if none are given."""
+    if not len(lens):
+        return camera
+    matrix = camera.matrix.copy()
+    matrix[:2, 2] += lens[1:] * np.diag(matrix)[:2]
+    return replace(camera, matrix=matrix, distortion=np.array([lens[0], 0.0, 0, 0]))
 
 
 def _planes(guess: Floats, depth: float) -> Floats:

@@ -29,7 +29,7 @@ def sheet_mask(photo: Pixels, mask: Bools | str | None) -> tuple[Bools | None, l
     ----------
     photo : (rows, cols, 3) uint8 or uint16
     mask : (rows, cols) bool, "auto" or None
-        auto: as `paper_mask` finds it. None: everywhere.
+        auto: as `find_sheet` finds it. None: everywhere.
 
     Raises
     ------
@@ -39,7 +39,7 @@ def sheet_mask(photo: Pixels, mask: Bools | str | None) -> tuple[Bools | None, l
     if mask is None:
         return None, []
     if isinstance(mask, str):
-        found = paper_mask(photo)
+        found = find_sheet(photo)
         said = "no sheet stands out from its ground on the photo, so all that was seen was kept"
         return found, [said] if found is None else []
     if mask.shape != photo.shape[:2]:
@@ -52,7 +52,7 @@ def sheet_mask(photo: Pixels, mask: Bools | str | None) -> tuple[Bools | None, l
     return mask, []
 
 
-def paper_mask(photo: Pixels) -> Bools | None:
+def find_sheet(photo: Pixels) -> Bools | None:
     """Find the sheet in a photo: the largest bright region, with the dark things in it.
 
     The threshold between paper and ground is Otsu's, on the logarithm of the brightness, so that paper in half shade
@@ -72,7 +72,7 @@ def paper_mask(photo: Pixels) -> Bools | None:
     >>> photo = np.full((200, 300, 3), 40, np.uint8)
     >>> photo[50:150, 60:240] = 220
     >>> photo[80:90, 100:110] = 30  # print
-    >>> mask = paper_mask(photo)
+    >>> mask = find_sheet(photo)
     >>> bool(mask[85, 105]), bool(mask[20, 20]), 0.9 < float(mask.sum()) / (100 * 180) <= 1
     (True, False, True)
     """

@@ -25,20 +25,21 @@ def picture(made: Acquired) -> NDArray[np.uint8]:
     Parameters
     ----------
     made : Acquired
-        Its scan has a photo place for every point.
+        Its scan has a photo place for every point, even if it has no photo: then there are two drawings.
 
     Returns
     -------
     (rows, cols, 3) uint8
     """
     scan = made.scan
-    assert scan.photo is not None
     assert scan.photo_xy is not None
     standing = _top_away(scan.photo_xy, stand_on_table(scan.mesh)[0])
     shade = 0.35 + 0.75 * np.abs(point_normals(standing, scan.mesh.faces) @ LIGHT)
     values = np.column_stack([shade, made.confidence, scan.photo_xy])
     seen, drawn = _drawn(Mesh(standing, scan.mesh.faces), values)
-    panels = (_shaded(drawn[..., 0]), _photographed(scan.photo, drawn[..., 2:]), _coloured(drawn[..., 1]))
+    panels = [_shaded(drawn[..., 0]), _coloured(drawn[..., 1])]
+    if scan.photo is not None:
+        panels.insert(1, _photographed(scan.photo, drawn[..., 2:]))
     margin = np.tile(GROUND, (ROWS, GAP, 1))
     whole = [margin]
     for panel in panels:

@@ -19,11 +19,27 @@ FACTORS = np.exp(np.linspace(np.log(1 / 8), np.log(8), 209))
 GOOD_PX = 2.5
 """Rays of a fitting pair miss each other by less, in pixels of the code (median)."""
 
+TRUE_PX = 0.7
+"""Rays of a good calibration miss each other by less."""
+
 MUCH_BETTER = 3.0
 """Another scale must fit so many times better before it is the scale that is to blame."""
 
+NO_SCALE = 0.04
+"""A factor this near to 1 is no other resolution: small turns of a projector look like that."""
+
+FLATTER = 0.5
+"""By a scale of columns or rows alone, or where rays miss little, planes must come out so many times as flat."""
+
+FLAT_SHARE, PLANES = 0.3, 300
+"""Part of the view that is taken to be one plane, such as a board, a wall or the table, and planes that are tried."""
+
 PLAIN = np.array([1 / 8, 1 / 6, 1 / 5, 1 / 4, 1 / 3, 1 / 2, 2 / 3, 3 / 4, 4 / 3, 3 / 2, 2, 3, 4, 5, 6, 8])
 """Factors that people's resolutions differ by; one within 2 % is named as such."""
+
+
+SCALED = {"pixels": np.array([1.0, 1.0]), "columns": np.array([1.0, 0.0]), "rows": np.array([0.0, 1.0])}
+"""What of the projector may have another scale: exponents of the factor for the columns and for the rows."""
 
 
 def points_and_misses(
@@ -69,10 +85,14 @@ def points_and_misses(
 
 def coarser(projector: Camera, factor: float) -> Camera:
     """The same projector with pixels `factor` times as wide and high: those of its code, where they are not its own."""
+    return _stretched(projector, factor, factor)
+
+
+def _stretched(projector: Camera, across: float, down: float) -> Camera:
     matrix = projector.matrix.copy()
-    matrix[:2] /= factor
-    matrix[:2, 2] += (1 / factor - 1) / 2  # pixel centres lie at integers
-    rows, cols = (max(1, round(n / factor)) for n in projector.shape_rc)
+    matrix[:2] /= np.array([[across], [down]])
+    matrix[:2, 2] += (1 / np.array([across, down]) - 1) / 2  # pixel centres lie at integers
+    rows, cols = (max(1, round(n / f)) for n, f in zip(projector.shape_rc, (down, across), strict=True))
     return replace(projector, matrix=matrix, shape_rc=(rows, cols))
 
 
@@ -80,13 +100,17 @@ def check_fit(camera: Camera, projector: Camera, camera_xy: Floats, code_xy: Flo
     """Refuse a calibration whose rays miss each other, and name the factor if the projector's scale is to blame.
 
     A wrong scale of the projector's pixels bends all rays of light, so that they miss the camera's. How far, as a
-    median over the image and in pixels of the code, is a sharp minimum at the right scale.
+    median over the image and in pixels of the code, is a sharp minimum at the right scale. It is weak for the rows'
+    scale alone where the projector stands above the camera, and for the columns' where it stands beside: there a second
+    witness is asked, the flattest part of the view, which a wrong scale bends. With axes quite parallel neither sees
+    anything: then such an error keeps rays together and planes flat, and only a known size could tell.
 
     Parameters
     ----------
     camera, projector : Camera
         The projector in pixels of the code.
     camera_xy, code_xy : (k, 2) float64 [px]
+        From all of the view: what lies around the sheet is often flat.
 
     Returns
     -------
@@ -101,26 +125,62 @@ def check_fit(camera: Camera, projector: Camera, camera_xy: Floats, code_xy: Flo
     some = slice(None, None, max(1, len(camera_xy) // SAMPLE))
     seen, lit = camera_xy[some], code_xy[some]
     here = _median_miss(camera, projector, seen, lit)
-    if here <= GOOD_PX:
+    if here <= TRUE_PX:
         return here
-    around = FACTORS
-    for _ in range(2):  # the minimum is narrow: once more between its neighbours
-        misses = np.array([_median_miss(camera, coarser(projector, f), seen, lit) for f in around])
-        best = float(around[int(np.argmin(misses))])
-        around = best * np.linspace(0.98, 1.02, 41)
-    if misses.min() <= GOOD_PX and here > MUCH_BETTER * misses.min():
+    for said, axes in SCALED.items():
+        best, miss = _best_scale(camera, projector, seen, lit, axes)
+        if miss > GOOD_PX or here < MUCH_BETTER * miss or abs(best - 1) < NO_SCALE:
+            continue
+        flat, flat_there = (_off_plane(camera, p, seen, lit) for p in (projector, _stretched(projector, *best**axes)))
+        if not flat_there < FLATTER * flat and (here <= GOOD_PX or not axes.all()):
+            continue
         plain = PLAIN[np.argmin(np.abs(np.log(PLAIN / best)))]
         factor = float(plain) if abs(plain / best - 1) < 0.03 else best
+        remedy = (
+            f"if its resolution was that much higher, say --projector-scale {factor:.3g}"
+            if axes.all()
+            else "were the patterns stretched? Show them at the resolution that the projector was calibrated at"
+        )
+        planes = f", and the flattest part of the view is {flat_there:.2g} mm off a plane instead of {flat:.2g}"
         raise InputError(
             f"the projector's calibration does not fit the code: rays miss each other by {here:.1f} pixels, but by "
-            f"{misses.min():.1f} if its pixels are taken to be {factor:.3g} times as fine as those of the code; if its "
-            f"resolution was that much higher, say --projector-scale {factor:.3g}"
+            f"{miss:.1f} if its {said} are taken to be {factor:.3g} times as fine as those of the code"
+            f"{planes if flat_there < flat else ''}; {remedy}"
         )
+    if here <= GOOD_PX:
+        return here
     raise InputError(
         f"camera and projector do not fit the code: rays miss each other by {here:.1f} pixels (below {GOOD_PX:g} is "
-        f"wanted), and no other scale of the projector helps; did one of them move after it was calibrated, or are the "
-        f"images of another set?"
+        f"wanted), and no other scale of the projector helps; did one of them move after it was calibrated, or is "
+        "this the calibration of another camera or projector?"
     )
+
+
+def _best_scale(
+    camera: Camera, projector: Camera, camera_xy: Floats, code_xy: Floats, axes: Floats
+) -> tuple[float, float]:
+    """The factor of the projector's columns, rows or both at which rays miss each other least, and by how much."""
+    around, best = FACTORS, 1.0
+    for _ in range(2):  # the minimum is narrow: once more between its neighbours
+        misses = [_median_miss(camera, _stretched(projector, *f**axes), camera_xy, code_xy) for f in around]
+        best = float(around[int(np.argmin(misses))])
+        around = best * np.linspace(0.98, 1.02, 41)
+    return best, float(min(misses))
+
+
+def _off_plane(camera: Camera, projector: Camera, camera_xy: Floats, code_xy: Floats) -> float:
+    """How far the flattest part of the view, FLAT_SHARE of it, lies off one plane at most [mm].
+
+    Least over many planes through three points each (least quantile of absolute distances).
+    """
+    points, _ = points_and_misses(camera, projector, camera_xy, code_xy)
+    points = points[np.isfinite(points).all(axis=1)]
+    a, b, c = points[np.random.default_rng(0).integers(len(points), size=(3, PLANES))]
+    normal = np.cross(b - a, c - a)
+    size = np.linalg.norm(normal, axis=1)
+    normal = normal[size > 0] / size[size > 0, None]  # not where a point was drawn twice
+    off = np.abs(points @ normal.T - (a[size > 0] * normal).sum(axis=1))
+    return float(np.quantile(off, FLAT_SHARE, axis=0).min())
 
 
 def _median_miss(camera: Camera, projector: Camera, camera_xy: Floats, code_xy: Floats) -> float:

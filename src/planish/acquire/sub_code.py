@@ -3,7 +3,8 @@
 Between the columns c and c + 1 of the projector exactly one bit changes, so that one pattern and its inverse cross
 there: the light of both is the same at c + 1/2, whatever the paper's colour. Between two camera pixels that see c and
 c + 1, the crossing is found by a straight line through the differences of the two, each against white and black. A
-quadratic surface fitted to the crossings around every pixel then says what lies at the pixel itself.
+quadratic surface fitted to the crossings around every pixel then says what lies at the pixel itself. Where waves tell
+the place at every pixel (`phase`), these count as well, each by how sure it is.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from planish.acquire.gray_code import Codes, Grey, bits_for
+from planish.acquire.phase import Phased
 from planish.crew import crew
 from planish.types import Bools, Floats, Ints
 
@@ -36,8 +38,18 @@ SPAN = 2.0 * REACH + 2.0
 
 TERMS = 6
 
+CROSSING = 3 / 4
+"""Inverse variance of a crossing for noise of one level and a slope of one: 2 for two photos, times the mean of
+(1 - t)^2 + t^2 over where it may lie between two pixels."""
 
-def refined(frames: Grey, codes: Codes, shape_rc: tuple[int, int], where: Bools | None = None) -> Floats:
+
+def refined(
+    frames: Grey,
+    codes: Codes,
+    shape_rc: tuple[int, int],
+    where: Bools | None = None,
+    waves: Phased | None = None,
+) -> Floats:
     """Find the place on the projector that each camera pixel sees, to small parts of its pixel.
 
     Parameters
@@ -50,6 +62,8 @@ def refined(frames: Grey, codes: Codes, shape_rc: tuple[int, int], where: Bools 
         Rows and columns of the projector.
     where : (rows, cols) bool, optional
         Pixels that are wanted; the others stay NaN.
+    waves : Phased, optional
+        What waves say besides.
 
     Returns
     -------
@@ -65,8 +79,12 @@ def refined(frames: Grey, codes: Codes, shape_rc: tuple[int, int], where: Bools 
     ):
         pair = frames[start : start + 2 * bits]
         at, value, weight = _crossings(pair, code, contrast)
+        own = code.astype(np.float32)
+        if waves is not None:
+            value, weight = np.dstack([value, waves.place[..., axis]]), np.dstack([weight, waves.weight[..., axis]])
+            own = np.where(waves.weight[..., axis] > 0, waves.place[..., axis], own)
         with crew() as run:
-            run(_fit, len(code), wanted, code, at, value, weight, place[..., axis], block=16)
+            run(_fit, len(code), wanted, own, at, value, weight, place[..., axis], block=16)
     return place
 
 
@@ -115,20 +133,20 @@ def _cross(first, last, pairs, code, contrast, at, value, weight):  # type: igno
                 at[r, q, way] = a / (a - b) if a != b else np.float32(0.5)
                 value[r, q, way] = min(here, there) + np.float32(0.5)
                 sure = (a - b) * min(contrast[r, q], contrast[nr, nq])
-                weight[r, q, way] = sure * sure  # the crossing's variance is that of the noise over the slope squared
+                weight[r, q, way] = CROSSING * sure * sure  # variance: that of the noise over the slope squared
 
 
 @njit(cache=True, nogil=True)
-def _fit(first, last, wanted, code, at, value, weight, place):  # type: ignore[no-untyped-def]
+def _fit(first, last, wanted, own, at, value, weight, place):  # type: ignore[no-untyped-def]
     near = np.exp(-0.5 * (np.arange(REACH + 1) / SPREAD) ** 2)
     normal, right, term = np.empty((TERMS, TERMS)), np.empty(TERMS), np.empty(TERMS)
     for r in range(first, last):
-        for q in range(code.shape[1]):
+        for q in range(own.shape[1]):
             if not wanted[r, q]:
                 continue
             found = np.nan
-            if code[r, q] >= 0:
-                found = _fit_at(r, q, float(code[r, q]), OFF, at, value, weight, near, term, normal, right)
+            if own[r, q] > -1.0:
+                found = _fit_at(r, q, float(own[r, q]), OFF, at, value, weight, near, term, normal, right)
             if np.isnan(found):  # not read, or misread
                 around = _enclosed(r, q, value, weight)
                 if not np.isnan(around):
@@ -144,7 +162,7 @@ def _fit_at(r, q, about, off, at, value, weight, near, term, normal, right):  # 
     count = 0
     for nr in range(max(r - REACH, 0), min(r + REACH + 1, rows)):
         for nq in range(max(q - REACH, 0), min(q + REACH + 1, cols)):
-            for way in range(2):
+            for way in range(weight.shape[2]):  # to the right, down, and at the pixel itself
                 if weight[nr, nq, way] <= 0.0:
                     continue
                 x = nq - q + (at[nr, nq, way] if way == 0 else 0.0)
@@ -178,7 +196,7 @@ def _enclosed(r, q, value, weight):  # type: ignore[no-untyped-def]
     quarters = 0
     for nr in range(max(r - REACH, 0), min(r + REACH + 1, rows)):
         for nq in range(max(q - REACH, 0), min(q + REACH + 1, cols)):
-            for way in range(2):
+            for way in range(weight.shape[2]):
                 if weight[nr, nq, way] > 0.0:
                     total += value[nr, nq, way]
                     count += 1

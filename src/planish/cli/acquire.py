@@ -1,23 +1,16 @@
-"""`planish acquire`: one command for each kind of device, and what they share."""
+"""What the commands of `planish acquire` share."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from cyclopts import App, Parameter
+from cyclopts import Parameter
 
 if TYPE_CHECKING:
     from planish.acquire.grid_mesh import Acquired
-    from planish.types import Bools
-
-app = App(name="acquire", help="Make a scan from what a device saw; `planish restore` takes it without options.")
-app.command("planish.cli.acquire_depth:depth")
-app.command("planish.cli.acquire_gray_code:gray_code")
-app.command("planish.cli.acquire_gray_code:patterns")
-app.command("planish.cli.acquire_laser:laser")
-app.command("planish.cli.acquire_laser_lines:laser_lines")
-app.command("planish.cli.acquire_virtual:virtual")
+    from planish.io.filecloud import FileCloud
+    from planish.types import Bools, Camera, Pixels
 
 Mask = Annotated[str, Parameter(name="--mask")]
 Picture = Annotated[Path | None, Parameter(name="--picture")]
@@ -26,7 +19,9 @@ Picture = Annotated[Path | None, Parameter(name="--picture")]
 def check_outputs(output: Path, picture: Path | None, *, overwrite: bool) -> None:
     """Refuse before any work what could not be written after it."""
     from planish.io import check_page_name, check_writable
+    from planish.io.scan_write import check_scan_name
 
+    check_scan_name(output)
     check_writable(output, overwrite=overwrite)
     if picture is not None:
         check_page_name(picture)
@@ -41,6 +36,29 @@ def sheet_on(mask: str) -> Bools | str | None:
 
     pixels = read_photo(mask).pixels
     return pixels[..., 0] > pixels.max() // 2
+
+
+def cloud_in_mm(cloud: FileCloud, units: str) -> tuple[float, list[str]]:
+    """How many mm make a unit of a point cloud's numbers, and what is to be said of the cloud."""
+    from planish.io.units import MM_PER_UNIT, decide_unit
+
+    unit, told = decide_unit(cloud.points[cloud.points.any(axis=1)], units, cloud.unit)
+    return MM_PER_UNIT[unit], [*cloud.warnings, *told]
+
+
+def photo_for(
+    photo: Path | None, camera: Path | None, mm_per_unit: float
+) -> tuple[Pixels | None, Camera | None, list[str]]:
+    """The photo that the user gives beside points, its camera, and what is to be said of it."""
+    from planish.errors import UsageError
+    from planish.io import read_camera, read_photo
+
+    if photo is None:
+        if camera is not None:
+            raise UsageError("--camera tells where a photo was taken from; give that with --photo")
+        return None, None, []
+    shot = read_photo(photo)
+    return shot.pixels, read_camera(camera, photo.name, mm_per_unit=mm_per_unit) if camera else None, shot.warnings
 
 
 def write_acquired(made: Acquired, output: Path, picture: Path | None) -> list[Path]:
@@ -68,6 +86,11 @@ def say(made: Acquired, warnings: list[str], written: list[Path], *, quiet: bool
     if quiet:
         return
     errors = Console(stderr=True, highlight=False, soft_wrap=True, markup=False)
+    if made.scan.photo is None:
+        warnings = [
+            *warnings,
+            "no colours and no photo: `planish flatten` takes the scan, `planish restore` needs --photo",
+        ]
     for warning in [*warnings, *made.warnings]:
         errors.print(f"planish: note: {warning}")
     if sys.stdout.isatty():

@@ -30,7 +30,7 @@ def depth(
     Parameters
     ----------
     depth_maps
-        16-bit PNG or TIFF, float TIFF, or .npy; or a folder of them. Several of the same scene are averaged.
+        16-bit PNG or TIFF, float TIFF, EXR, or .npy; or a folder of them. Several of the same scene are averaged.
     photo
         The colour photo.
     camera

@@ -18,6 +18,7 @@ def laser(
     photo: Path,
     camera: Path,
     planes: Path,
+    motion: Path | None = None,
     mask: Mask = "auto",
     output: Output,
     picture: Picture = None,
@@ -37,6 +38,9 @@ def laser(
     planes
         The laser's plane in every photo: CSV with the columns a, b, c, d [mm], or JSON with planes, with an axis and
         angles, with a direction and positions, or with a background of two known planes (docs/formats.md).
+    motion
+        CSV with the columns photo and angle_deg (or position_mm), where --planes has a laser and its axis (or
+        direction) alone, as `planish calibrate laser` finds them.
     mask
         Where on the photo the sheet is: an image that is white there; auto: bright paper on darker ground; none:
         everywhere.
@@ -62,7 +66,7 @@ def laser(
     with progress(quiet=quiet) as tell:
         tell("read", 0.0)
         seen_from = read_camera(camera)
-        known = read_sweep(planes, names)
+        known = read_sweep(planes, names, motion, seen_from)
         off = read_photo(photo)
         lines = 1 if isinstance(known, tuple) else known.shape[1]
         sweep = sweep_stripes(lambda k: read_photo(paths[k]).pixels, names, off.pixels, lines=lines, tell=tell)

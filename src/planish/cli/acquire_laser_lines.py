@@ -53,13 +53,14 @@ def laser_lines(
     from planish.cli.acquire import check_outputs, say, sheet_on, write_acquired
     from planish.cli.talk import progress
     from planish.io import read_camera, read_photo
-    from planish.io.lasers import read_rig
+    from planish.io.lasers import check_camera, read_rig
 
     check_outputs(output, picture, overwrite=overwrite)
     with progress(quiet=quiet) as tell:
         tell("read", 0.0)
         planes, held, notes = read_rig(lasers)
         seen_from = held if camera is None else read_camera(camera)
+        check_camera(lasers, held, seen_from)
         on, off = read_photo(lit), None if photo is None else read_photo(photo)
         tell("acquire", 0.0)
         made = from_laser_lines(on.pixels, None if off is None else off.pixels, seen_from, planes, mask=sheet_on(mask))

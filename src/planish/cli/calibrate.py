@@ -1,22 +1,15 @@
-"""`planish calibrate`: cameras and projectors, from photos of a printed board."""
+"""What the commands of `planish calibrate` share."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from cyclopts import App, Parameter
+from cyclopts import Parameter
 
 if TYPE_CHECKING:
     from planish.acquire.boards import Board
     from planish.acquire.calibrate import Calibration
-
-app = App(name="calibrate", help="Find the numbers of a device from photos of a printed board.")
-app.command("planish.cli.calibrate_board:board")
-app.command("planish.cli.calibrate_board:camera")
-app.command("planish.cli.calibrate_board:projector")
-app.command("planish.cli.calibrate_laser:laser")
-app.command("planish.cli.calibrate_laser:laser_lines")
 
 Squares = Annotated[tuple[int, int], Parameter(name="--squares")]
 SquareMm = Annotated[float, Parameter(name="--square-mm")]

@@ -23,10 +23,13 @@ def laser(
     square_mm: SquareMm = 25.0,
     kind: Kind = "charuco",
     lines: int = 1,
+    motion: Path | None = None,
     overwrite: bool = True,
     quiet: Quiet = False,
 ) -> None:
     """Find the plane of a laser from photos of the board with the line on it, nearer and farther and tilted.
+
+    With --motion also the axis about which a mirror turns the laser's light.
 
     Parameters
     ----------
@@ -44,27 +47,41 @@ def laser(
         charuco: squares with markers, which may be seen in part. chessboard: squares alone.
     lines
         Laser lines in each photo.
+    motion
+        CSV with the columns photo and angle_deg: how far the light was turned in each photo. At the smallest and the
+        largest angle two photos or more are needed.
     overwrite
         Whether files in place may be replaced.
     quiet
         Print nothing but errors.
     """
     from planish.acquire.boards import Board
+    from planish.acquire.laser_axis import axis_of_boards
     from planish.acquire.laser_board import planes_of_boards
+    from planish.errors import UsageError
     from planish.io import check_writable, read_camera, read_photo
     from planish.io.captures import image_files
-    from planish.io.lasers import write_rig
+    from planish.io.lasers import read_motion, write_rig
 
     check_writable(output, overwrite=overwrite)
     paths = image_files(photos)
     seen_from = read_camera(camera)
     pixels = [read_photo(path).pixels for path in paths]
     names = [path.name for path in paths]
-    found = planes_of_boards(pixels, names, seen_from, Board(*squares, square_mm, kind), lines=lines)
-    write_rig(output, found.planes, seen_from)
+    shown = Board(*squares, square_mm, kind)
+    if motion is None:
+        found = planes_of_boards(pixels, names, seen_from, shown, lines=lines)
+        write_rig(output, found.planes, seen_from)
+        points, off = found.points, " and ".join(f"{rms:.3f}" for rms in found.rms_mm)
+    else:
+        moved, angles = read_motion(motion, names)
+        if moved != "angles_deg" or lines != 1:
+            raise UsageError("the axis is found for one laser line and from angles: --lines 1, and a column angle_deg")
+        axis = axis_of_boards(pixels, names, seen_from, shown, angles)
+        write_rig(output, axis.plane[None], seen_from, axis=(axis.point, axis.direction))
+        points, off = axis.points, f"{axis.rms_mm:.3f}"
     if not quiet:
-        off = " and ".join(f"{rms:.3f}" for rms in found.rms_mm)
-        print(f"{found.points:,} points on {len(paths)} boards, {off} mm rms off the laser's plane")
+        print(f"{points:,} points on {len(paths)} boards, {off} mm rms off the laser's plane")
         print(f"written  {output}")
 
 
@@ -89,7 +106,7 @@ def laser_lines(
         The same view with the lasers off.
     camera
         The camera (JSON). Without it the focal length is read from the photo's EXIF. Where no distortion of the lens is
-        given, it is found as well.
+        given, it and the principal point are found as well.
     square_mm
         Side of a square [mm]. Without it squares of 5 mm are assumed: pages come out in shape, but not at true size.
     output

@@ -156,6 +156,33 @@ def virtual_lines(
     return _photographed(sheet, planes, sources, photo_px, setting, printed, camera, rng)
 
 
+def lit_sheet(
+    sheet: Sheet,
+    planes: Floats,
+    *,
+    printed: tuple[Page, str],
+    camera: Camera,
+    line_mm: float = 0.35,
+    rng: np.random.Generator | int = 0,
+) -> VirtualSweep:
+    """Lay the line of `virtual_sweep`'s laser over a sheet, in given planes (frames, 1, 4)."""
+    return _photographed(sheet, planes, (MIRROR_MM,), camera.shape_rc, (line_mm, 1.0, 0.1, 1.0), printed, camera, rng)
+
+
+def turned_deg(planes: Floats) -> Floats:
+    """Angles (n,) [degrees] by which `virtual_sweep`'s mirror has turned planes (n, 4), from that through x = 0."""
+    first = plane_through(MIRROR_MM, (0.0, 0.0, 0.0))[:3]
+    return np.asarray(np.degrees(np.arctan2(np.cross(first, planes[:, :3])[:, 1], planes[:, :3] @ first)))
+
+
+def squared_paper(sheet: Sheet, square_mm: float = 8.0) -> tuple[Page, str]:
+    """Squared paper of a sheet's size, lines half a millimetre wide, to be given as `printed`."""
+    dots = 6  # a millimetre
+    row, col = np.mgrid[: round(sheet.height_mm * dots), : round(sheet.width_mm * dots)]
+    line = np.minimum(row % (square_mm * dots), col % (square_mm * dots)) < dots / 2
+    return Page(np.where(line, 60, 255).astype(np.uint8), np.ones(row.shape, bool), 25.4 * dots), ""
+
+
 def plane_through(source: Sequence[float], foot: Sequence[float], along: Sequence[float] = (0.0, 1.0, 0.0)) -> Floats:
     """Plane (4,) through a laser, a place that its line hits, and the line's direction there."""
     normal = np.cross(np.subtract(foot, source), along)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planish.errors import InputError
+from planish.io.files import files_in, is_folder
 from planish.io.images import read_photo
 from planish.types import Pixels
 
@@ -36,8 +37,8 @@ def image_files(paths: Iterable[str | Path]) -> list[Path]:
     """
     found: list[Path] = []
     for path in map(Path, paths):
-        if path.is_dir():
-            inside = [p for p in path.iterdir() if p.suffix.lower() in SUFFIXES and not p.name.startswith(".")]
+        if is_folder(path):
+            inside = files_in(path, SUFFIXES)
             if not inside:
                 raise InputError(f"{path} holds no image; photos are wanted in it")
             found += sorted(inside, key=_by_number)
@@ -83,4 +84,4 @@ def read_captures(paths: Iterable[str | Path]) -> Captures:
 
 
 def _by_number(path: Path) -> list[tuple[int, str]]:
-    return [(int(part) if part.isdigit() else -1, part) for part in re.split(r"(\d+)", path.name)]
+    return [(int(part) if part.isdecimal() else -1, part) for part in re.split(r"(\d+)", path.name)]

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planish.errors import InputError, UsageError
-from planish.io.files import read_bytes
+from planish.io.exr import EXR, read_exr
+from planish.io.files import files_in, is_folder, read_bytes
 from planish.io.images import decode_grid
 from planish.types import Floats
 
@@ -20,7 +21,7 @@ DepthScale = Literal["auto", "realsense", "kinect", "tum", "mm", "m"]
 PER_METRE: dict[str, float] = {"realsense": 1000.0, "kinect": 1000.0, "tum": 5000.0, "mm": 1000.0, "m": 1.0}
 """Numbers of the file that make a metre."""
 
-SUFFIXES = (".png", ".tif", ".tiff", ".npy")
+SUFFIXES = (".png", ".tif", ".tiff", ".exr", ".npy")
 
 _FARTHEST_METRES = 20.0
 """Floating numbers below it are metres: nobody measures a sheet 20 mm away."""
@@ -32,7 +33,7 @@ def read_depths(paths: Iterable[str | Path], scale: float | str = "auto") -> tup
     Parameters
     ----------
     paths : iterable of str or Path
-        16-bit PNG or TIFF, float TIFF, or .npy: (rows, cols), or (frames, rows, cols) in a .npy.
+        16-bit PNG or TIFF, float TIFF, EXR, or .npy: (rows, cols), or (frames, rows, cols) in a .npy.
     scale : float or {"auto", "realsense", "kinect", "tum", "mm", "m"}
         How many of the file's numbers make a metre. auto: 1000 for whole numbers; floats are metres where they are
         below 20, else millimetres.
@@ -76,7 +77,7 @@ def read_depths(paths: Iterable[str | Path], scale: float | str = "auto") -> tup
 def _files(paths: Iterable[str | Path]) -> list[Path]:
     found: list[Path] = []
     for path in map(Path, paths):
-        inside = sorted(p for p in path.iterdir() if p.suffix.lower() in SUFFIXES) if path.is_dir() else [path]
+        inside = files_in(path, SUFFIXES) if is_folder(path) else [path]
         if not inside:
             raise InputError(f"{path} holds no depth map; {', '.join(SUFFIXES)} are wanted")
         found += inside
@@ -87,11 +88,11 @@ def _files(paths: Iterable[str | Path]) -> list[Path]:
 
 def _numbers(path: Path) -> NDArray:
     """The numbers of one file, (rows, cols) or (frames, rows, cols)."""
-    if path.suffix.lower() == ".exr":
-        raise InputError(f"{path}: EXR is not read; save the depth as a float TIFF, a 16-bit PNG or a .npy file")
     data = read_bytes(path)
     if data.startswith(b"\x93NUMPY"):
         numbers = _from_npy(path, data)
+    elif data.startswith(EXR):
+        numbers = read_exr(path)
     else:
         numbers = decode_grid(str(path), data, "TIFF" if data[:4] in (b"II*\0", b"MM\0*") else "PNG")
     if numbers.dtype.kind not in "fu" and not np.issubdtype(numbers.dtype, np.integer):
@@ -106,8 +107,11 @@ def _numbers(path: Path) -> NDArray:
 def _from_npy(path: Path, data: bytes) -> NDArray:
     try:
         return np.asarray(np.load(io.BytesIO(data), allow_pickle=False))
-    except (ValueError, EOFError, OSError) as problem:
-        raise InputError(f"{path} is damaged or was cut short: {problem}") from None
+    except MemoryError:
+        raise InputError(f"{path} says that it holds more numbers than fit into the memory; is it damaged?") from None
+    except Exception as problem:  # numpy's reader of headers raises what Python's own parser raises
+        reason = " ".join(str(problem).split()) or type(problem).__name__
+        raise InputError(f"{path} is damaged or was cut short: {reason}") from None
 
 
 def _guessed(numbers: NDArray) -> tuple[float, str]:

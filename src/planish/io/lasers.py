@@ -29,6 +29,26 @@ _KEYS = {
 }
 
 
+SAME_FOCAL = 0.02
+"""Two calibrations of one camera agree on its focal length to this part, or one of them is none."""
+
+
+def check_camera(path: str | Path, held: Camera, given: Camera) -> None:
+    """Refuse a camera that cannot be the one with which the lasers in a file were found.
+
+    Raises
+    ------
+    InputError
+    """
+    focal, held_focal = given.matrix[0, 0], held.matrix[0, 0]
+    if given.shape_rc != held.shape_rc or abs(focal / held_focal - 1) > SAME_FOCAL:
+        raise InputError(
+            f"the lasers in {path} were found with a camera of {held.shape_rc[1]} x {held.shape_rc[0]} pixels and a "
+            f"focal length of {held_focal:.0f}, the camera given has {given.shape_rc[1]} x {given.shape_rc[0]} and "
+            f"{focal:.0f}; give the camera that the lasers belong to"
+        )
+
+
 def read_rig(path: str | Path) -> tuple[Floats, Camera, list[str]]:
     """Read two lasers that do not move, and the camera that stands with them.
 
@@ -62,13 +82,63 @@ def read_rig(path: str | Path) -> tuple[Floats, Camera, list[str]]:
     return planes, camera_from_json(path, told["camera"]), [str(told["note"])] if "note" in told else []
 
 
-def write_rig(path: str | Path, planes: Floats, camera: Camera, note: str | None = None) -> None:
-    """Write lasers and their camera so that `read_rig` takes them back."""
-    told = {"lasers": planes.tolist(), "camera": camera_as_json(camera)}
+def write_rig(
+    path: str | Path,
+    planes: Floats,
+    camera: Camera,
+    note: str | None = None,
+    axis: tuple[Floats, Floats] | None = None,
+) -> None:
+    """Write lasers and their camera so that `read_rig` takes them back.
+
+    For a sweep also point and direction of the axis that they turn about.
+    """
+    told: dict[str, Any] = {"lasers": planes.tolist()}
+    if axis is not None:
+        told["axis"] = {"point": axis[0].tolist(), "direction": axis[1].tolist()}
+    told["camera"] = camera_as_json(camera)
     write_json(path, told if note is None else {**told, "note": note})
 
 
-def read_sweep(path: str | Path, photo_names: list[str]) -> Floats | tuple[Floats, Floats]:
+def read_motion(path: str | Path, photo_names: list[str]) -> tuple[str, Floats]:
+    r"""Read where a mirror or a slide stood at each photo.
+
+    Parameters
+    ----------
+    path : str or Path
+        CSV with a column angle_deg or position_mm and, if the rows are in another order than the photos, photo.
+    photo_names : list of str
+        File names of the photos, in their order.
+
+    Returns
+    -------
+    name : {"angles_deg", "positions_mm"}
+    values : (photos,) float64
+
+    Raises
+    ------
+    InputError
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     _ = Path(f"{folder}/a.csv").write_text("photo,angle_deg\n2.jpg,0.5\n1.jpg,0.25\n")
+    ...     read_motion(f"{folder}/a.csv", ["1.jpg", "2.jpg"])
+    ('angles_deg', array([0.25, 0.5 ]))
+    """
+    path = Path(path)
+    rows = _rows(path)
+    for column, name in (("angle_deg", "angles_deg"), ("position_mm", "positions_mm")):
+        if rows and column in rows[0]:
+            values = _numbers(path, column, [row[column] for row in rows], 1)
+            return name, _in_order(path, values, _photos(rows), photo_names)
+    raise InputError(f"{path} has no column “angle_deg” or “position_mm”; one of them and one row a photo are wanted")
+
+
+def read_sweep(
+    path: str | Path, photo_names: list[str], motion: str | Path | None = None, camera: Camera | None = None
+) -> Floats | tuple[Floats, Floats]:
     r"""Read the planes of a sweep's photos, or the background by which they are to be found.
 
     Parameters
@@ -85,6 +155,10 @@ def read_sweep(path: str | Path, photo_names: list[str]) -> Floats | tuple[Float
           in which the laser falls on known planes.
     photo_names : list of str
         File names of the photos, in their order.
+    motion : str or Path, optional
+        Angles or positions for each photo, as for `read_motion`, instead of those in the JSON.
+    camera : Camera, optional
+        That took the photos; a camera in the JSON must be the same.
 
     Returns
     -------
@@ -104,6 +178,13 @@ def read_sweep(path: str | Path, photo_names: list[str]) -> Floats | tuple[Float
     """
     path = Path(path)
     told = _from_csv(path) if path.suffix.lower() == ".csv" else _told(path)
+    if camera is not None and "camera" in told:
+        check_camera(path, camera_from_json(path, told["camera"]), camera)
+    if motion is not None:
+        if "lasers" not in told:
+            raise InputError(f"{path} has no “lasers” that could move; `planish calibrate laser` finds them")
+        name, values = read_motion(motion, photo_names)
+        told = {**told, name: values.tolist()}
     if "background" in told:
         return _background(path, told["background"])
     if "planes" in told:
@@ -132,14 +213,19 @@ def _told(path: Path) -> dict[str, Any]:
 
 
 def _from_csv(path: Path) -> dict[str, Any]:
-    rows = list(csv.DictReader(read_bytes(path).decode("utf-8-sig", "replace").splitlines(), skipinitialspace=True))
+    rows = _rows(path)
     lost = [key for key in "abcd" if not rows or key not in rows[0]]
     if lost:
         raise InputError(f"{path} has no column “{lost[0]}”; columns a, b, c, d and one row a photo are wanted")
-    told: dict[str, Any] = {"planes": [[row[key] for key in "abcd"] for row in rows]}
-    if "photo" in rows[0]:
-        told["photos"] = [row["photo"] for row in rows]
-    return told
+    return {"planes": [[row[key] for key in "abcd"] for row in rows], "photos": _photos(rows)}
+
+
+def _rows(path: Path) -> list[dict[str, str]]:
+    return list(csv.DictReader(read_bytes(path).decode("utf-8-sig", "replace").splitlines(), skipinitialspace=True))
+
+
+def _photos(rows: list[dict[str, str]]) -> list[str] | None:
+    return [row["photo"] for row in rows] if "photo" in rows[0] else None
 
 
 def _numbers(path: Path, name: str, value: object, dimensions: int) -> Floats:
@@ -184,7 +270,9 @@ def _moved(path: Path, told: dict[str, Any], lasers: Floats) -> Floats:
         # points on the axis keep their distance from the plane
         return np.concatenate([normals, (lasers[:, :3] @ point + lasers[:, 3] - normals @ point)[..., None]], axis=2)
     if "positions_mm" in told:
-        direction = _vector(path, "direction", told.get("direction"))
+        if "direction" not in told:
+            raise InputError(f"{path} has no “direction” [x, y, z] in which the laser moves by “positions_mm”")
+        direction = _vector(path, "direction", told["direction"])
         if not np.linalg.norm(direction) > 0:
             raise InputError(f"{path}: “direction” is 0")
         way = np.outer(_numbers(path, "positions_mm", told["positions_mm"], 1), direction / np.linalg.norm(direction))
@@ -212,20 +300,18 @@ def _background(path: Path, value: object) -> tuple[Floats, Floats]:
 def _in_order(path: Path, planes: Floats, listed: object, photo_names: list[str]) -> Floats:
     if listed is not None:
         if not isinstance(listed, list) or len(listed) != len(planes):
-            raise InputError(f"{path}: “photos” must name one file for each of the {len(planes)} planes")
+            raise InputError(f"{path}: “photos” must name one file for each of the {len(planes)} rows or planes")
         names = [Path(str(name)).name for name in listed]
         lost = [name for name in photo_names if name not in names]
         if lost:
-            raise InputError(
-                f"{path} has no plane for the photo {lost[0]}; it has planes for {', '.join(names[:4])} ..."
-            )
+            raise InputError(f"{path} has nothing for the photo {lost[0]}; it tells of {', '.join(names[:4])} ...")
         missing = [name for name in names if name not in photo_names]
         if missing:
-            raise InputError(f"{path} has a plane for {missing[0]}, but no such photo was given; is it missing?")
+            raise InputError(f"{path} tells of {missing[0]}, but no such photo was given; is it missing?")
         return planes[[names.index(name) for name in photo_names]]
     if len(planes) != len(photo_names):
         raise InputError(
-            f"there are {len(photo_names)} photos, but {path} has planes for {len(planes)}; is a photo missing or "
+            f"there are {len(photo_names)} photos, but {path} tells of {len(planes)}; is a photo missing or "
             "doubled, or the laser-off photo among them?"
         )
     return planes

@@ -1,0 +1,138 @@
+"""Points in any order: how dense and how noisy they are, which of them are strays, and which way the surface faces."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+from scipy.spatial import cKDTree
+
+from planish.types import Bools, Floats
+
+NEIGHBOURS = 24
+"""That a plane is fitted to around every point; twice, four times, eight times as many where noise asks for it."""
+
+WIDE = 4.0
+"""The neighbours must reach this many standard deviations of the noise, or the plane stands any way."""
+
+LONELY = 4.0
+"""Points whose eighth neighbour is this many times as far away as usual are strays..."""
+
+ASTRAY = 4.0
+"""...and so are those off their neighbours' plane by so many standard deviations of the noise, ..."""
+
+CREASE = 0.5
+"""...if that is more than this part of the spacing: at a crease points lie off the plane without being wrong."""
+
+COARSE = 4.0
+"""Sides are made to agree among points this many spacings apart; the others follow the nearest."""
+
+LINKS = 10
+"""Neighbours of each such point that it may agree with."""
+
+BLOCK = 50_000
+
+
+@dataclass(frozen=True, eq=False)
+class Patches:
+    """Planes around the points of a cloud.
+
+    Attributes
+    ----------
+    kept : (n,) bool
+        Which of the points are no strays; all else is of these.
+    normals : (k, 3) float64
+        Of unknown sign.
+    spacing_mm : float
+        Side of the square that belongs to a point, typically.
+    noise_mm : float
+        Standard deviation of the points off their neighbours' planes.
+    """
+
+    kept: Bools
+    normals: Floats
+    spacing_mm: float
+    noise_mm: float
+
+
+def patches(points: Floats) -> Patches:
+    """Fit a plane to the neighbours of every point, (n, 3) [mm], and leave out strays.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(0)
+    >>> sheet = np.column_stack([rng.uniform(0, 100, (10_000, 2)), 0.1 * rng.standard_normal(10_000)])
+    >>> found = patches(np.vstack([sheet, [50.0, 50, 30]]))
+    >>> bool(found.kept[-1]), round(found.spacing_mm, 1), round(found.noise_mm, 1)
+    (False, 1.0, 0.1)
+    """
+    count = NEIGHBOURS
+    while True:
+        normals, off, reach, near = _planes(points, min(count, len(points)))
+        noise = 1.4826 * float(np.median(np.abs(off)))
+        if np.median(reach) >= WIDE * noise or count >= 8 * NEIGHBOURS:
+            break
+        count *= 2
+    spacing = float(np.median(reach) * np.sqrt(np.pi / count))
+    kept = (near < LONELY * np.median(near)) & (np.abs(off) < max(ASTRAY * noise, CREASE * spacing))
+    return Patches(kept, normals[kept], spacing, noise)
+
+
+def _planes(points: Floats, count: int) -> tuple[Floats, Floats, Floats, Floats]:
+    """Planes through the nearest points of each: their normals, and how far the point is off its own.
+
+    Then how far away the last of the nearest is, and the eighth.
+    """
+    tree = cKDTree(points)
+    normals = np.empty_like(points)
+    off, reach, eighth = np.empty((3, len(points)))
+    for first in range(0, len(points), BLOCK):
+        some = slice(first, first + BLOCK)
+        distance, near = tree.query(points[some], count, workers=2)
+        around = points[near]
+        middle = around.mean(axis=1)
+        around -= middle[:, None]
+        spread = np.matmul(around.swapaxes(1, 2), around)
+        normals[some] = np.linalg.eigh(spread)[1][:, :, 0]
+        off[some] = ((points[some] - middle) * normals[some]).sum(axis=1)
+        reach[some], eighth[some] = distance[:, -1], distance[:, 8]
+    return normals, off, reach, eighth
+
+
+def oriented(points: Floats, normals: Floats, spacing_mm: float, towards: Floats) -> Floats:
+    """Turn normals so that neighbours agree, and each piece of the surface faces where most of its points should.
+
+    Agreement spreads along a minimum spanning tree of the neighbours whose normals differ least (Hoppe et al. 1992),
+    so that it goes around curls.
+
+    Parameters
+    ----------
+    points, normals : (n, 3) float64
+    spacing_mm : float
+    towards : (n, 3) float64
+        For each point a direction into which its normal should rather point.
+    """
+    cells = np.floor((points - points.min(axis=0)) / (COARSE * spacing_mm)).astype(np.int64)
+    some = np.unique(cells, axis=0, return_index=True)[1]
+    tree = cKDTree(points[some])
+    near = tree.query(points[some], min(LINKS + 1, len(some)), workers=2)[1].reshape(len(some), -1)[:, 1:]
+    here = np.repeat(np.arange(len(some)), near.shape[1])
+    there = near.ravel()
+    agree = (normals[some][here] * normals[some][there]).sum(axis=1)
+    links = sparse.coo_matrix((1.001 - np.abs(agree), (here, there)), shape=(len(some), len(some)))
+    forest = sparse.csgraph.minimum_spanning_tree(links.tocsr())
+    pieces, piece = sparse.csgraph.connected_components(forest, directed=False)
+    sign = np.zeros(len(some))
+    for k in range(pieces):
+        root = int(np.argmax(piece == k))
+        sign[root] = 1.0
+        order, before = sparse.csgraph.breadth_first_order(forest, root, directed=False)
+        for at in order[1:]:
+            same = normals[some[at]] @ normals[some[before[at]]]
+            sign[at] = sign[before[at]] * (1.0 if same >= 0 else -1.0)
+    follow = tree.query(points, workers=2)[1]
+    leader = normals[some[follow]] * sign[follow, None]
+    turned = normals * np.where((normals * leader).sum(axis=1) >= 0, 1.0, -1.0)[:, None]
+    votes = np.bincount(piece[follow], np.sign((turned * towards).sum(axis=1)), pieces)
+    return np.asarray(turned * np.where(votes >= 0, 1.0, -1.0)[piece[follow], None])

@@ -1,0 +1,93 @@
+"""A photo made of the colours of points: the meshed sheet as a camera far above it sees it."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import ndimage
+from scipy.spatial import cKDTree
+
+from planish.mesh import depths, point_normals, project, rasterise
+from planish.types import Camera, Floats, Mesh, Pixels
+
+FAR = 3.0
+"""Distance of the camera from the sheet, in parts of its extent."""
+
+PIXEL = 0.5
+"""Side of a pixel, in spacings of the points: two pixels a point show all that the colours hold."""
+
+MOST_PIXELS = 40e6
+
+MARGIN_PX = 8
+
+MIXED = 4
+"""Nearest points whose colours are mixed."""
+
+BLOCK = 200_000
+
+
+def camera_above(mesh: Mesh, pixel_mm: float) -> Camera:
+    """Place a camera over the middle of a mesh that sees its printed side, at so many mm a pixel.
+
+    Its columns run along the world's x as far as the direction allows.
+    """
+    points = mesh.points
+    upward = point_normals(points, mesh.faces).mean(axis=0)
+    upward /= max(float(np.linalg.norm(upward)), 1e-12)
+    right = np.array([1.0, 0, 0]) if abs(upward[0]) < 0.9 else np.array([0.0, 1, 0])
+    right -= (right @ upward) * upward
+    right /= np.linalg.norm(right)
+    rotation = np.stack([right, np.cross(-upward, right), -upward])
+    middle = (points.min(axis=0) + points.max(axis=0)) / 2
+    distance = FAR * float(np.linalg.norm(np.ptp(points, axis=0)))
+    seen = (points - middle) @ rotation.T + [0, 0, distance]
+    flat = seen[:, :2] / seen[:, 2:]
+    span = np.ptp(flat, axis=0)
+    focal = distance / pixel_mm
+    focal = min(focal, float(np.sqrt(MOST_PIXELS / max(span.prod(), 1e-12))))
+    cols, rows = (int(np.ceil(focal * side)) + 2 * MARGIN_PX for side in span)
+    centre = MARGIN_PX - focal * flat.min(axis=0)
+    matrix = np.array([[focal, 0, centre[0]], [0, focal, centre[1]], [0, 0, 1]])
+    return Camera(matrix, rotation, np.array([0, 0, distance]) - rotation @ middle, (rows, cols))
+
+
+def photo_of_points(mesh: Mesh, camera: Camera, points: Floats, colours: Pixels) -> Pixels:
+    """Take a photo of a mesh in the colours of the points that it was made from.
+
+    Beside the mesh the colours of its border run on: black there would bleed into it, and be taken for the ground.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    camera : Camera
+        Without a lens.
+    points : (n, 3) float64 [mm]
+    colours : (n, 3) uint8 or uint16
+        A pixel mixes those of the nearest four points, by the inverse square of their distance.
+
+    Returns
+    -------
+    (rows, cols, 3) uint8 or uint16
+    """
+    face, weights = rasterise(
+        project(camera, mesh.points),
+        mesh.faces,
+        camera.shape_rc,
+        nearness=1 / depths(camera, mesh.points),
+        perspective=True,
+    )
+    row, col = np.nonzero(face >= 0)
+    photo = np.zeros((*camera.shape_rc, 3), colours.dtype)
+    if not len(row):
+        return photo
+    tree = cKDTree(points)
+    for first in range(0, len(row), BLOCK):
+        r, c = row[first : first + BLOCK], col[first : first + BLOCK]
+        w = weights[r, c].astype(np.float64)
+        shares = np.column_stack([1 - w.sum(axis=1), w])
+        place = (shares[..., None] * mesh.points[mesh.faces[face[r, c]]]).sum(axis=1)
+        away, near = tree.query(place, min(MIXED, len(points)), workers=2)
+        weight = 1 / np.maximum(away.reshape(len(r), -1), 1e-6) ** 2
+        mixed = (weight[..., None] * colours[near.reshape(len(r), -1)]).sum(axis=1) / weight.sum(axis=1, keepdims=True)
+        photo[r, c] = np.rint(mixed)
+    nearest = ndimage.distance_transform_edt(face < 0, return_distances=False, return_indices=True)
+    return np.asarray(photo[nearest[0], nearest[1]])

@@ -1,0 +1,200 @@
+"""Point clouds of known sheets: the range image of the paper's scanner, and the points of a photogrammetry program."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from planish.gallery.light import Light, irradiance
+from planish.gallery.photograph import photograph
+from planish.gallery.scanner import overhead_camera
+from planish.gallery.sheets import Sheet, normals
+from planish.gallery.sight import fine_mesh
+from planish.gallery.typeset import typeset_sheet
+from planish.gallery.view import TABLE_DEPTH_MM, View, device, reflectance, view
+from planish.types import Bools, Camera, Floats, Page, Pixels
+
+SCANNER_MM = (3.0, -2.0, 650.0)
+"""Where the virtual range scanner stands, over the table's origin."""
+
+STEEPEST_DEG = 80.0
+"""A scanner's laser comes back from surfaces that are turned away by less."""
+
+BLIND = 0.003
+"""Part of the pixels that see nothing, wherever they look."""
+
+AROUND_MM = 15.0
+"""So much of the table around the sheet stands in a photogrammetry cloud."""
+
+STRAY = 0.002
+"""Part of its points that are matches gone wrong, up to `STRAY_MM` off the surface."""
+STRAY_MM = 15.0
+
+
+@dataclass(frozen=True, eq=False)
+class RangeImage:
+    """What a range scanner delivers.
+
+    Attributes
+    ----------
+    points : (rows, cols, 3) float64 [mm]
+        In the scanner's frame: x right, y down, z away from it; NaN where nothing was seen.
+    colours : (rows, cols, 3) uint8
+        The photo through the same lens.
+    camera : Camera
+        The scanner on the table.
+    page : Page
+        What is printed on the sheet.
+    """
+
+    points: Floats
+    colours: Pixels
+    camera: Camera
+    page: Page
+
+
+def range_image(
+    sheet: Sheet,
+    *,
+    shape_rc: tuple[int, int] | None = None,
+    noise_mm: float = 0.05,
+    printed: Page | None = None,
+    rng: np.random.Generator | int = 0,
+) -> RangeImage:
+    """Scan a sheet on its table as the paper's scanner does: 640 x 480 points, each with a colour.
+
+    The scanner is held upright over an upright sheet. Errors lie along its rays; it sees nothing of what is turned
+    away by more than 80 degrees, nor with 0.3 % of its pixels.
+
+    Parameters
+    ----------
+    sheet : Sheet
+    shape_rc : (int, int), optional
+        Rows and columns; by default 640 and 480, the more of them along the longer side of the sheet.
+    noise_mm : float
+        Standard deviation of the errors.
+    printed : Page, optional
+        By default `typeset_sheet(sheet)`.
+    rng : numpy.random.Generator or int
+
+    Examples
+    --------
+    >>> from planish.gallery import sheet
+    >>> made = range_image(sheet("book"), shape_rc=(64, 48))
+    >>> made.points.shape, bool(np.nanmin(made.points[..., 2]) > 550)
+    ((64, 48, 3), True)
+    """
+    rng = np.random.default_rng(rng)
+    page = printed or typeset_sheet(sheet)[0]
+    if shape_rc is None:
+        shape_rc = (640, 480) if sheet.height_mm >= sheet.width_mm else (480, 640)
+    width_mm = max(sheet.width_mm, sheet.height_mm * shape_rc[1] / shape_rc[0])
+    camera = device(SCANNER_MM, (SCANNER_MM[0], SCANNER_MM[1], 10.0), 1.06 * width_mm, shape_rc)
+    seen = view(sheet, camera)
+    points = seen.points @ camera.rotation.T + camera.translation
+    away = np.linalg.norm(points, axis=2, keepdims=True)
+    towards = -(seen.normals @ camera.rotation.T * points).sum(axis=2) / away[..., 0]
+    points = points * (1 + noise_mm * rng.standard_normal(away.shape) / away)
+    points[(towards < np.cos(np.radians(STEEPEST_DEG))) | (rng.random(shape_rc) < BLIND)] = np.nan
+    colours = photograph(sheet, fine_mesh(sheet, 1.0), page, camera, Light(), 1.0, rng)
+    return RangeImage(points, colours, camera, page)
+
+
+@dataclass(frozen=True, eq=False)
+class PhotoPoints:
+    """What a photogrammetry program delivers.
+
+    Attributes
+    ----------
+    points : (n, 3) float64 [mm]
+        On the table, z up; in no order.
+    colours : (n, 3) uint8
+    normals : (n, 3) float64
+        Away from the paper, as rough as such programs make them.
+    photo : (h, w, 3) uint8, or None
+    camera : Camera
+        That took the photo, in the world of the points.
+    page : Page
+        What is printed on the sheet.
+    """
+
+    points: Floats
+    colours: Pixels
+    normals: Floats
+    photo: Pixels | None
+    camera: Camera
+    page: Page
+
+
+def photo_points(
+    sheet: Sheet,
+    *,
+    points: int = 300_000,
+    noise_mm: float = 0.1,
+    photo_px: tuple[int, int] | None = (4000, 3000),
+    printed: Page | None = None,
+    rng: np.random.Generator | int = 0,
+) -> PhotoPoints:
+    """Scatter coloured points over a sheet and the table around it, as photogrammetry does.
+
+    Errors are the same in all directions; one point in 500 lies anywhere up to 15 mm off the surface.
+
+    Parameters
+    ----------
+    sheet : Sheet
+    points : int
+        On the sheet; those on the table come on top, as dense.
+    noise_mm : float
+        Standard deviation of the errors in each direction.
+    photo_px : (int, int) or None
+        Long and short side of a photo from above; None for no photo.
+    printed : Page, optional
+        By default `typeset_sheet(sheet)`.
+    rng : numpy.random.Generator or int
+
+    Examples
+    --------
+    >>> from planish.gallery import sheet
+    >>> made = photo_points(sheet("letter"), points=2000, photo_px=None)
+    >>> made.points.shape == made.normals.shape == made.colours.shape, len(made.points) > 2000
+    (True, True)
+    """
+    rng = np.random.default_rng(rng)
+    page = printed or typeset_sheet(sheet)[0]
+    page_xy = rng.uniform(0, [sheet.width_mm, sheet.height_mm], (points, 2))
+    place, upward = sheet.bend(page_xy), normals(sheet, page_xy)
+    table = _table_around(place, points / (sheet.width_mm * sheet.height_mm), rng)
+    at = np.concatenate([page_xy, np.full((len(table), 2), np.nan)])
+    place = np.concatenate([place, table])
+    upward = np.concatenate([upward, np.tile([0.0, 0.0, 1.0], (len(table), 1))])
+    colours = _seen_colours(place, upward, at, page)
+
+    off = noise_mm * rng.standard_normal(place.shape)
+    stray = rng.random(len(place)) < STRAY
+    off[stray] += upward[stray] * rng.uniform(-STRAY_MM, STRAY_MM, (int(stray.sum()), 1))
+    rough = upward + 0.1 * rng.standard_normal(upward.shape)
+    rough /= np.linalg.norm(rough, axis=1, keepdims=True)
+    camera = overhead_camera(sheet, photo_px or (1000, 750), turn_deg=5.0)
+    photo = photograph(sheet, fine_mesh(sheet, 1.0), page, camera, Light(), 1.0, rng) if photo_px else None
+    order = rng.permutation(len(place))
+    return PhotoPoints((place + off)[order], colours[order], rough[order], photo, camera, page)
+
+
+def _table_around(place: Floats, density: float, rng: np.random.Generator) -> Floats:
+    """Random points of the table around what lies on it, and not under it."""
+    low, high = place[:, :2].min(axis=0) - AROUND_MM, place[:, :2].max(axis=0) + AROUND_MM
+    spots = rng.uniform(low, high, (int(density * np.prod(high - low)), 2))
+    apart = cKDTree(place[:, :2]).query(spots)[0] > 2 / np.sqrt(density)
+    free: Bools = np.asarray(apart)
+    return np.column_stack([spots[free], np.full(int(free.sum()), -TABLE_DEPTH_MM)])
+
+
+def _seen_colours(place: Floats, upward: Floats, page_xy: Floats, page: Page) -> Pixels:
+    """Colours of points as a photo shows them; `page_xy` is NaN on the table."""
+    light = Light()
+    sent = reflectance(View(place[None], upward[None], page_xy[None]), page, light.gamma)[0]
+    bright = irradiance(light, place, upward, np.ones(len(place)))
+    linear = sent * (bright * light.exposure / bright.max())[:, None]
+    return np.clip(np.rint(255 * np.clip(linear, 0, 1) ** (1 / light.gamma)), 0, 255).astype(np.uint8)
