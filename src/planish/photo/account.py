@@ -8,23 +8,31 @@ from planish.photo.bent import Bent, extrapolated_share, rms
 from planish.photo.lines import TextLines
 from planish.types import Bools, PhotoReport
 
+FOLDED = 0.25
+"""Creases, in lengths of the page's shorter side, from which on a sheet is folded or crumpled: half of what an eye sees
+of the faintest fold; sharp shadows on curled sheets have 0 to 0.2."""
 NOT_BENT_ONE_WAY = 0.12
-"""Misfit of letters [heights] from which on a sheet is folded or crumpled: curled pages of books have 0.03 to 0.07."""
+"""Misfit of letters [heights] from which on the same is said: curled pages of books have 0.03 to 0.07."""
 SIDES_OFF = 0.005
-"""Misfit of a sheet's sides, in parts of its longer side, from which on the same is said."""
+"""Misfit of a sheet's sides, in parts of its longer side, from which on it is bent in more than one direction: the
+breadth of a line of text on A4."""
 LEFT_OVER = 0.15
 """What is left after the free shift, from which on lines are seen to be crooked."""
 MUCH = 0.25
 """Of the page extrapolated, from which on a warning is due."""
 
 
-def account_of(bent: Bent, lines: TextLines | None, scale: str, focal_from: str) -> tuple[PhotoReport, tuple[str, ...]]:
+def account_of(
+    bent: Bent, lines: TextLines | None, creases: float, scale: str, focal_from: str
+) -> tuple[PhotoReport, tuple[str, ...]]:
     """Report and warnings of a sheet.
 
     Parameters
     ----------
     bent : Bent
     lines : TextLines or None
+    creases : float
+        See `crease_length`.
     scale, focal_from : str
         See `PhotoReport`.
     """
@@ -35,7 +43,7 @@ def account_of(bent: Bent, lines: TextLines | None, scale: str, focal_from: str)
     slack = 2 * height / bent.sheet.focal if height else 0.02 * float((bent.shift.high - bent.shift.low).max())
     beyond = extrapolated_share(bent, slack)
     sides = _sides_off(bent)
-    warnings = _warnings(before, after, sides, beyond, scale)
+    warnings = _warnings(before, after, sides, beyond, creases, scale)
     seen = {"text-lines": lines is not None, "borders": bent.bordered and bent.shade is None, "shading": bent.shade}
     shape = " and ".join(what for what, there in seen.items() if there)
     report = PhotoReport(
@@ -48,7 +56,8 @@ def account_of(bent: Bent, lines: TextLines | None, scale: str, focal_from: str)
         straightness=after,
         bent_one_way=before,
         extrapolated_share=beyond,
-        confidence=_confidence(after, sides, bent.shade, beyond),
+        creases=creases,
+        confidence=_confidence(after, sides, bent.shade, beyond, creases),
     )
     return report, warnings
 
@@ -73,17 +82,25 @@ def _sides_off(bent: Bent) -> float | None:
 
 
 def _warnings(
-    before: float | None, after: float | None, sides: float | None, beyond: float, scale: str
+    before: float | None, after: float | None, sides: float | None, beyond: float, creases: float, scale: str
 ) -> tuple[str, ...]:
     said = []
     if scale == "unknown":
         said.append(
             "one photo does not tell how large the sheet is: all millimetres are guesses; give --paper or --width-mm"
         )
-    if (before or 0) > NOT_BENT_ONE_WAY or (sides or 0) > SIDES_OFF:
+    cannot = "one photo cannot tell such a shape, so places between its lines and sides are rough; a 3D scan can"
+    if creases > FOLDED:
         said.append(
-            "the sheet is not bent in one direction only: it is folded or crumpled, or its lines are not straight in "
-            "print; one photo cannot tell such a shape, so places between its lines are rough; a 3D scan can"
+            f"the sheet is folded or crumpled: its paper shows creases {creases:.1f} times as long as its shorter side "
+            f"(edges of a large grey picture look the same); {cannot}"
+        )
+    elif (before or 0) > NOT_BENT_ONE_WAY:
+        said.append(f"the sheet is folded or crumpled, or its lines are not straight in print; {cannot}")
+    elif sides is not None and sides > SIDES_OFF:
+        said.append(
+            f"the sheet is bent in more than one direction: its sides fit no other sheet better than to "
+            f"{100 * sides:.1f} % of its length; {cannot}"
         )
     if (after or 0) > LEFT_OVER:
         said.append(f"lines of text stay crooked on the page, by {after:.2f} of their letters' height (rms)")
@@ -94,7 +111,7 @@ def _warnings(
     return tuple(said)
 
 
-def _confidence(after: float | None, sides: float | None, shade: float | None, beyond: float) -> str:
+def _confidence(after: float | None, sides: float | None, shade: float | None, beyond: float, creases: float) -> str:
     parts = []
     if after is not None:
         parts.append(f"lines of text are expected straight to {after:.2f} of their letters' height (rms)")
@@ -102,6 +119,7 @@ def _confidence(after: float | None, sides: float | None, shade: float | None, b
         parts.append(f"the sheet's sides fit a sheet bent in one direction to {100 * sides:.1f} % of its length")
     if shade is not None:
         parts.append(f"the blank paper's brightness fits that of such a sheet to {100 * shade:.1f} %")
+    parts.append(f"creases {'are' if creases > FOLDED else 'are not'} seen in its paper")
     parts.append(f"{100 * beyond:.0f} % of the page were extrapolated")
     sentence = "; ".join(parts)
     return sentence[0].upper() + sentence[1:] + "."

@@ -10,6 +10,7 @@ from planish.errors import InputError, UsageError
 from planish.photo.account import account_of
 from planish.photo.bent import Bent, from_borders, from_lines
 from planish.photo.borders import Borders, borders_in
+from planish.photo.creases import crease_length
 from planish.photo.lines import TextLines, text_lines
 from planish.photo.look import look_at
 from planish.photo.polynomial import from_polynomials
@@ -96,9 +97,9 @@ def find_shape(
     centre = (np.array(photo.shape[1::-1]) - 1) / 2
     lines, borders = _seen(photo, s)
     bent = _bent(photo, s, lines, borders, focal, centre)
-    scan = as_scan(bent.sheet, bent.shift, photo, _mm_per_unit(bent, lines, s), icc)
+    scan = as_scan(bent.sheet, bent.shift, photo, _mm_per_unit(bent, lines, s), icc, lines.upright if lines else 0.0)
     scale = "paper" if s.paper != "unknown" else "width" if s.width_mm else "unknown"
-    report, warnings = account_of(bent, lines, scale, "exif" if focal_px else "assumed")
+    report, warnings = account_of(bent, lines, crease_length(photo, bent), scale, "exif" if focal_px else "assumed")
     if s.shape == "polynomial":
         report = replace(report, shape="polynomial")
     return PhotoShape(scan, report, warnings)

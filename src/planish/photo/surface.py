@@ -11,11 +11,18 @@ from planish.types import Camera, Floats, Ints, Mesh, Pixels, Scan
 POINTS_ACROSS = 72
 """Of the mesh, over the page's longer side; the drawing bends the faces between them."""
 UP = np.array([1.0, -1.0, -1.0])
-"""From the sheet's frame, y down and z away, to a scan's, y up and z towards the eye."""
+"""From y down and z away, as in the sheet's frame, to a scan's, y up and z towards the eye."""
 
 
-def as_scan(sheet: Cylinder, shift: AnyShift, photo: Pixels, mm_per_unit: float, icc: bytes | None = None) -> Scan:
-    """Make a scan of a sheet: points on the bent sheet, and where the photo shows them.
+def as_scan(
+    sheet: Cylinder,
+    shift: AnyShift,
+    photo: Pixels,
+    mm_per_unit: float,
+    icc: bytes | None = None,
+    upright: float = 0.0,
+) -> Scan:
+    """Make a scan of a sheet: points on the bent sheet, lines of text along x, and where the photo shows them.
 
     Parameters
     ----------
@@ -27,14 +34,18 @@ def as_scan(sheet: Cylinder, shift: AnyShift, photo: Pixels, mm_per_unit: float,
         The camera's distance.
     icc : bytes, optional
         The photo's colour profile.
+    upright : float
+        How sure it is that the page is not upside down [standard deviations].
     """
     true, (rows, cols) = grid(shift.low, shift.high, float((shift.high - shift.low).max()) / POINTS_ACROSS)
     seen = on_photo(sheet, in_space(sheet, shift.undone(true)))
-    points = in_space(sheet, true) * UP * mm_per_unit
+    level = np.eye(3)
+    level[:2, :2] = sheet.turned_lines()
+    points = in_space(sheet, true) @ level.T * UP * mm_per_unit
     matrix = np.array([[sheet.focal, 0, sheet.centre[0]], [0, sheet.focal, sheet.centre[1]], [0, 0, 1]])
-    rotation = sheet.rotation * UP
+    rotation = sheet.rotation @ level.T * UP
     camera = Camera(matrix, rotation, mm_per_unit * sheet.rotation[:, 2], photo.shape[:2])
-    return Scan(Mesh(points, _faces(rows, cols)), photo, seen, camera, icc)
+    return Scan(Mesh(points, _faces(rows, cols)), photo, seen, camera, icc, upright=upright)
 
 
 def on_page(shape_rc: tuple[int, int], low: Floats, high: Floats) -> Floats:

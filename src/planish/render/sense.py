@@ -73,11 +73,17 @@ def skew_degrees(page: Page) -> tuple[float, float]:
     return (found.degrees, found.confidence) if found.confidence >= TEXT_LINES else (0.0, found.confidence)
 
 
-def upright_turn(page: Page) -> tuple[int, float]:
+def upright_turn(page: Page, told: float = 0.0) -> tuple[int, float]:
     """Tell by how much a page must be turned clockwise to stand upright.
 
     Lines of text give two of the four ways round. Of these two that is upright in which more ink rises above the
     small letters than hangs below them.
+
+    Parameters
+    ----------
+    page : Page
+    told : float
+        What is known from elsewhere: how sure it is, in standard deviations, that a page of level lines stands upright.
 
     Returns
     -------
@@ -103,8 +109,8 @@ def upright_turn(page: Page) -> tuple[int, float]:
     if lines.confidence < TEXT_LINES:
         return 0, 0.0
     sure_lines = 1 - other.contrast / lines.contrast
-    rise, sure_rise = _rise(lines)
-    confidence = sure_lines * sure_rise
+    rise = _rise(lines) + (0.0 if lying else told)
+    confidence = sure_lines * erf(abs(rise) / sqrt(2))
     if lying:
         return (90 if rise >= 0 else 270) if sure_lines > SURE else 0, confidence
     return 180 if rise < 0 and confidence > SURE else 0, confidence
@@ -177,8 +183,8 @@ def _profile(strips, down):  # type: ignore[no-untyped-def]
     return total
 
 
-def _rise(lines: _Lines) -> tuple[float, float]:
-    """How much more ink is above the small letters than below, as a part of theirs, and how sure its sign is."""
+def _rise(lines: _Lines) -> float:
+    """How much more ink is above the small letters than below, in standard deviations."""
     per_column = max(1, round(COLUMN_MM / STRIP_MM))
     count = max(1, round(len(lines.strips) / per_column))
     down = lines.middles * np.tan(np.radians(lines.degrees))
@@ -188,11 +194,10 @@ def _rise(lines: _Lines) -> tuple[float, float]:
     ]
     votes = np.concatenate(pieces)
     if len(votes) < 3:
-        return 0.0, 0.0
+        return 0.0
     # Pieces of one line are kin: they count for half. What punctuation alone can do is added to the doubt.
     doubt = np.hypot(votes.std() / sqrt(len(votes) / 2), TOO_LITTLE)
-    rise = float(votes.mean())
-    return rise, erf(abs(rise) / doubt / sqrt(2))
+    return float(votes.mean() / doubt)
 
 
 def _above_less_below(profile: NDArray[np.float32], px_per_mm: float) -> Floats:
