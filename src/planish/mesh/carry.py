@@ -1,4 +1,4 @@
-"""From the places of a few points on the page to those of all: the way back from a sub-sampled mesh."""
+"""From the places of a few points, on the page or in space, to those of all: the way back from a sub-sampled mesh."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from planish.mesh.subsample import Coarse
 from planish.types import Floats, Ints
 
 
-def carry(coarse: Coarse, points: Floats, page_xy: Floats) -> Floats:
-    """Give every point of the fine mesh its place on the page, smoothly, from the places of the coarse points.
+def carry(coarse: Coarse, points: Floats, places: Floats, normals: Floats | None = None) -> Floats:
+    """Give every point of the fine mesh its place, smoothly, from the places to which the coarse points went.
 
     Around each coarse point k the flattening is close to a linear map J_k, the mean of the maps of the faces around
     it. A fine point p in a face with corners k goes to  sum_k w_k (x_k + J_k (p - P_k)),  with weights w_k that
@@ -23,20 +23,23 @@ def carry(coarse: Coarse, points: Floats, page_xy: Floats) -> Floats:
     coarse : Coarse
     points : (n, 3) float64 [mm]
         Of the fine mesh, in the frame in which it was sub-sampled.
-    page_xy : (k, 2) float64 [mm]
-        Of the coarse points.
+    places : (k, d) float64 [mm]
+        Of the coarse points: on the page (d = 2), or in space, of one state of the sheet after the other.
+    normals : (m, d) float64, optional
+        Where the unit normals of the coarse faces went. With them fine points keep their distance from the faces;
+        without, as on a page, it is dropped.
 
     Returns
     -------
-    (n, 2) float64 [mm]
+    (n, d) float64 [mm]
     """
     mesh = coarse.mesh
     order, start = _faces_at_points(mesh.faces, len(mesh.points))
-    maps = _point_maps(mesh.points, mesh.faces, page_xy)
-    out = np.empty((len(points), 2))
+    maps = _point_maps(mesh.points, mesh.faces, places, normals)
+    out = np.empty((len(points), places.shape[1]))
     with crew() as run:
         net = mesh.points, mesh.faces, order, start
-        run(_carry, len(points), points, coarse.nearest, *net, maps, page_xy, out)
+        run(_carry, len(points), points, coarse.nearest, *net, maps, places, out)
     return out
 
 
@@ -48,14 +51,17 @@ def _faces_at_points(faces: Ints, count: int) -> tuple[Ints, Ints]:
     return order, start
 
 
-def _point_maps(points: Floats, faces: Ints, page_xy: Floats) -> Floats:
-    """(k, 2, 3) linear map from space to page around every point: the mean over its faces, weighted by area."""
+def _point_maps(points: Floats, faces: Ints, places: Floats, normals: Floats | None) -> Floats:
+    """(k, d, 3) linear map from space to places around every point: the mean over its faces, weighted by area."""
     a, b, c = (points[faces[:, k]] for k in range(3))
     edges = np.stack([b - a, c - a], axis=2)  # (m, 3, 2)
-    flat = np.stack([page_xy[faces[:, k]] - page_xy[faces[:, 0]] for k in (1, 2)], axis=2)  # (m, 2, 2)
-    area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    maps = flat @ np.linalg.pinv(edges, rcond=1e-6)  # zero along the normal
-    total = np.zeros((len(points), 2, 3))
+    moved = np.stack([places[faces[:, k]] - places[faces[:, 0]] for k in (1, 2)], axis=2)  # (m, d, 2)
+    upright = np.cross(b - a, c - a)
+    area = 0.5 * np.linalg.norm(upright, axis=1)
+    maps = moved @ np.linalg.pinv(edges, rcond=1e-6)  # zero along the normal
+    if normals is not None:
+        maps += normals[:, :, None] * (upright / np.maximum(2 * area, 1e-300)[:, None])[:, None, :]
+    total = np.zeros((len(points), places.shape[1], 3))
     weight = np.full(len(points), 1e-300)
     for k in range(3):
         np.add.at(total, faces[:, k], area[:, None, None] * maps)
@@ -64,21 +70,22 @@ def _point_maps(points: Floats, faces: Ints, page_xy: Floats) -> Floats:
 
 
 @njit(cache=True, nogil=True)
-def _carry(first, last, points, nearest, corners, faces, order, start, maps, page_xy, out):  # type: ignore[no-untyped-def]
+def _carry(first, last, points, nearest, corners, faces, order, start, maps, places, out):  # type: ignore[no-untyped-def]
     for i in range(first, last):
         px, py, pz = points[i, 0], points[i, 1], points[i, 2]
         face, b0, b1, b2 = _closest_face(px, py, pz, nearest[i], corners, faces, order, start)
-        x, y, total = 0.0, 0.0, 0.0
+        out[i] = 0.0
+        total = 0.0
         for k in range(3):
             b = b0 if k == 0 else (b1 if k == 1 else b2)
             c = faces[face, k]
             ax, ay, az = px - corners[c, 0], py - corners[c, 1], pz - corners[c, 2]
             w = b * b * (3.0 - 2.0 * b)
-            x += w * (page_xy[c, 0] + maps[c, 0, 0] * ax + maps[c, 0, 1] * ay + maps[c, 0, 2] * az)
-            y += w * (page_xy[c, 1] + maps[c, 1, 0] * ax + maps[c, 1, 1] * ay + maps[c, 1, 2] * az)
+            for d in range(out.shape[1]):
+                out[i, d] += w * (places[c, d] + maps[c, d, 0] * ax + maps[c, d, 1] * ay + maps[c, d, 2] * az)
             total += w
-        out[i, 0] = x / total
-        out[i, 1] = y / total
+        for d in range(out.shape[1]):
+            out[i, d] /= total
 
 
 @njit(cache=True, nogil=True)

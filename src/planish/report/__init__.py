@@ -7,7 +7,7 @@ from planish.report.fadgi import guideline
 from planish.report.heat import heat_map
 from planish.report.measures import flipped_faces, stretch
 from planish.report.pictures import relief, side_by_side
-from planish.report.table import summary
+from planish.types import summary
 
 __all__ = [
     "account",

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from planish.mesh import LUMINANCE
 from planish.report.drawing import FAINT, GREEN, INK, RED, SOFT, Sheet, length, wrapped
-from planish.report.heat import TOP, coloured, over_page
+from planish.report.heat import TOP, coloured, over_page, round_above, round_span
 from planish.types import Criterion, Floats, Restoration, Scan
 
 DPI = 200.0
@@ -141,26 +141,14 @@ def _maps(sheet: Sheet, scan: Scan, done: Restoration, y: float) -> float:
     both = np.c_[100 * flat.local_strain, flat.error_mm]
     strain, error = np.moveaxis(over_page(flat.page_xy, scan.mesh.faces, both, flat.size_mm, round(height)), 2, 0)
     boxes = [(MARGIN + k * (width + GAP), y, width, height) for k in range(4)]
-    _map(sheet, boxes[0], "Strain", "%", strain, 0.0, _above(np.nanquantile(strain, TOP)))
-    _map(sheet, boxes[1], "Expected error", "mm", error, 0.0, _above(np.nanquantile(error, TOP)))
+    _map(sheet, boxes[0], "Strain", "%", strain, 0.0, round_above(np.nanquantile(strain, TOP)))
+    _map(sheet, boxes[1], "Expected error", "mm", error, 0.0, round_above(np.nanquantile(error, TOP)))
     if done.ppi is not None:
-        _map(sheet, boxes[2], "Resolution of the photo", "ppi", done.ppi.astype(np.float64), *_span(done.ppi, 20))
+        _map(sheet, boxes[2], "Resolution of the photo", "ppi", done.ppi.astype(np.float64), *round_span(done.ppi, 20))
     if done.light is not None:
         light, clipped = _light_of_paper(done)
-        _map(sheet, boxes[3], "Light on blank paper", "% of white", light, *_span(light, 10), marked=clipped)
+        _map(sheet, boxes[3], "Light on blank paper", "% of white", light, *round_span(light, 10), marked=clipped)
     return y + height + 150
-
-
-def _above(value: float) -> float:
-    """The next round number: a scale that ends there has a round number in its middle too."""
-    power = 10.0 ** np.floor(np.log10(max(value, 1e-12)))
-    return float(next(step * power for step in (1, 1.2, 1.6, 2, 3, 4, 5, 6, 8, 10) if step * power >= value * 0.999))
-
-
-def _span(values: Floats | NDArray[np.float32], step: float) -> tuple[float, float]:
-    """Round ends of a scale that holds nearly all values."""
-    low, high = (float(np.nanquantile(values, share)) / step for share in (1 - TOP, TOP))
-    return step * float(np.floor(low)), step * float(max(np.ceil(high), np.floor(low) + 1))
 
 
 def _light_of_paper(done: Restoration) -> tuple[Floats, NDArray[np.bool_]]:

@@ -75,6 +75,18 @@ def coloured(values: Floats, low: float, high: float) -> NDArray[np.uint8]:
     return picture
 
 
+def round_above(value: float) -> float:
+    """The next round number: a scale that ends there has a round number in its middle too."""
+    power = 10.0 ** np.floor(np.log10(max(value, 1e-12)))
+    return float(next(step * power for step in (1, 1.2, 1.6, 2, 3, 4, 5, 6, 8, 10) if step * power >= value * 0.999))
+
+
+def round_span(values: Floats | NDArray[np.float32], step: float) -> tuple[float, float]:
+    """Round ends of a scale that holds nearly all values."""
+    low, high = (float(np.nanquantile(values, share)) / step for share in (1 - TOP, TOP))
+    return step * float(np.floor(low)), step * float(max(np.ceil(high), np.floor(low) + 1))
+
+
 def _with_scale(picture: NDArray[np.uint8], top: float, title: str) -> NDArray[np.uint8]:
     """The picture over a bar from 0 to the top of the scale, with the title between its ends."""
     from PIL import Image, ImageDraw, ImageFont

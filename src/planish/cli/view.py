@@ -1,0 +1,87 @@
+"""`planish view`: a restoration as a page in the browser."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from planish.cli.options import Quiet
+from planish.settings import Units
+
+Several = Parameter(negative="")
+
+
+def view(
+    result: Path,
+    /,
+    *,
+    output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
+    photo: Annotated[list[Path], Several] | None = None,
+    camera: Annotated[list[Path], Several] | None = None,
+    units: Units = "auto",
+    open_browser: Annotated[bool | None, Parameter(name="--open", negative="--no-open")] = None,
+    overwrite: bool = True,
+    quiet: Quiet = False,
+) -> bool:
+    """Look at a restoration: in 3D, page beside photo, and how good it is.
+
+    One HTML file is made that holds all it shows; it can be opened from disk, sent and printed. The scan is restored
+    once more for it (with the settings in the report, if there is one), as pages do not hold all that is shown.
+
+    Parameters
+    ----------
+    result
+        A scan; or a finished restoration: its report, or the folder with its report.json, with the scan beside it; or
+        an HTML file that was made before.
+    output
+        The HTML file to write. Without it: view.html in the folder of the report, or the scan's name with .html
+        beside the scan.
+    photo
+        The photo, where a scan's file does not name it.
+    camera
+        The camera that took it (JSON), where the scan has no texture coordinates.
+    units
+        The unit of a scan's numbers.
+    open_browser
+        Open the file in the browser when it is made. Without either: if there is a screen.
+    overwrite
+        Whether a file in place may be replaced.
+    quiet
+        Print nothing but errors.
+    """
+    from dataclasses import replace
+
+    from planish.cli.talk import progress, show
+    from planish.job.again import find_again
+    from planish.job.look import look
+
+    if result.suffix.lower() in (".html", ".htm") and result.is_file():
+        _open(result, wanted=open_browser)
+        return True
+    again = find_again(result)
+    if photo or camera or units != "auto":
+        again = replace(again, photo=tuple(photo or ()), camera=tuple(camera or ()), units=units)
+    out = output or _beside(result, again.scan)
+    with progress(quiet=quiet) as tell:
+        done = look(again, out, tell, overwrite=overwrite)
+    show(done.report, [str(path) for path in done.written], quiet=quiet, verbose=False)
+    _open(out, wanted=open_browser)
+    return done.report.settled
+
+
+def _beside(result: Path, scan: Path) -> Path:
+    if scan == result:
+        return scan.with_name(f"{scan.stem or scan.name}.html")
+    return (result if result.is_dir() else result.parent) / "view.html"
+
+
+def _open(path: Path, *, wanted: bool | None) -> None:
+    import os
+    import sys
+    import webbrowser
+
+    has_screen = sys.platform in ("darwin", "win32") or bool({"DISPLAY", "WAYLAND_DISPLAY"} & set(os.environ))
+    if has_screen if wanted is None else wanted:
+        webbrowser.open(path.resolve().as_uri())

@@ -1,0 +1,211 @@
+"""The page to look at, looked at: in a browser, at three widths, on light and on dark."""
+
+import re
+from contextlib import contextmanager
+from io import BytesIO
+from itertools import pairwise
+from time import perf_counter, process_time
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import planish
+from browser import Overheard, browser
+from planish.gallery import sheet, virtual_scan
+from planish.view import view_page
+
+WIDTHS = {"phone": (390, 844), "tablet": (768, 1024), "desk": (1440, 900)}
+READY = ":root[data-ready]"
+SECONDS = 2.0
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """The file of a page of a book, with as many points and pixels as the page of a large scan has."""
+    scan = virtual_scan(sheet("book"), points=25_000, photo_px=(1600, 1200), noise_mm=0.05).scan
+    path = tmp_path_factory.mktemp("view") / "book.html"
+    path.write_bytes(view_page(scan, planish.restore(scan), "A book"))
+    return path
+
+
+@pytest.fixture(scope="module")
+def program():
+    with browser() as found:
+        yield found
+
+
+@contextmanager
+def opened(program, path, width="desk", **how):
+    across, down = WIDTHS[width]
+    context = program.new_context(viewport={"width": across, "height": down}, **how)
+    page = context.new_page()
+    page.overheard = Overheard(page)
+    page.goto(path.as_uri())
+    page.wait_for_selector(READY)
+    yield page
+    context.close()
+
+
+def look(page, selector):
+    """What is seen of an element."""
+    shot = page.locator(selector).screenshot()
+    return np.asarray(Image.open(BytesIO(shot)).convert("RGB")).astype(float)
+
+
+def changed(before, after):
+    """Share of the pixels that are clearly of another colour."""
+    return float((np.abs(before - after).max(axis=2) > 24).mean())
+
+
+def set_slider(page, selector, value):
+    page.locator(selector).fill(str(value))
+    page.wait_for_timeout(150)  # two frames
+
+
+def crowding():
+    """How many times as long everything takes because others are at work on this machine: 1 on an idle one."""
+    wall, own = perf_counter(), process_time()
+    while process_time() - own < 0.2:
+        pass
+    return (perf_counter() - wall) / (process_time() - own)
+
+
+@pytest.fixture(scope="module", params=WIDTHS)
+def page(program, made, request):
+    """The page, open at one of the widths."""
+    with opened(program, made, request.param) as page:
+        page.width = request.param
+        yield page
+
+
+def test_it_loads_from_disk_in_two_seconds(page):
+    """Others may be at work on the machine, and more at one moment than at the next: one of three will do."""
+    taken = []
+    while len(taken) < 3 and min(taken, default=SECONDS) >= SECONDS:
+        crowd, start = crowding(), perf_counter()
+        page.reload()
+        page.wait_for_selector(READY)
+        taken.append((perf_counter() - start) / crowd)
+    assert min(taken) < SECONDS, taken
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_it_asks_nobody_and_has_no_serious_fault(page, tmp_path, scheme):
+    from axe_playwright_python.sync_playwright import Axe
+
+    page.emulate_media(color_scheme=scheme)
+    page.screenshot(path=tmp_path / f"{page.width}-{scheme}.png", full_page=True)
+    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), "it must not scroll sideways"
+    found = Axe().run(page).response["violations"]
+    serious = [fault for fault in found if fault["impact"] in ("serious", "critical")]
+    assert [(fault["id"], fault["nodes"][0]["html"]) for fault in serious] == []
+    assert not page.overheard.complaints
+    assert {url.partition(":")[0] for url in page.overheard.requests} <= {"file", "data"}
+
+
+def test_the_slider_lets_the_sheet_settle(program, made):
+    with opened(program, made) as page:
+        slider = page.locator("#step")
+        last = int(slider.get_attribute("max"))
+        bent = look(page, "#space")
+        assert slider.get_attribute("aria-valuetext").startswith(f"step 0 of {last}, 2")  # about 24 mm high
+        set_slider(page, "#step", last // 2)
+        falling = look(page, "#space")
+        set_slider(page, "#step", last)
+        flat = look(page, "#space")
+        assert slider.get_attribute("aria-valuetext") == f"step {last} of {last}, 0.0 mm high"
+        assert min(changed(bent, falling), changed(bent, flat)) > 0.01  # the sheet moves by centimetres
+        slider.press("Home")
+        page.wait_for_timeout(150)
+        assert changed(bent, look(page, "#space")) < 0.001
+
+
+@pytest.mark.parametrize("motion", ["no-preference", "reduce"])
+def test_the_button_plays_it_to_the_end(program, made, motion):
+    with opened(program, made, reduced_motion=motion) as page:
+        page.locator("#play").press("Enter")
+        assert page.locator("#play").inner_text() == "Pause"
+        page.wait_for_selector("#play:text-is('Again')")
+        assert page.locator("#step").input_value() == page.locator("#step").get_attribute("max")
+
+
+def test_the_wipe_parts_two_pictures(program, made):
+    with opened(program, made) as page:
+        shots = {}
+        for share in (0, 50, 100):
+            set_slider(page, "#wipe", share)
+            shots[share] = look(page, "#paper")
+        half = shots[50].shape[1] // 2 - 30  # clear of the handle
+        assert changed(shots[0], shots[100]) > 0.2  # the photo is dark and bent, the page white
+        assert changed(shots[50][:, :half], shots[100][:, :half]) < 0.001
+        assert changed(shots[50][:, -half:], shots[0][:, -half:]) < 0.001
+
+
+def test_every_picture_can_be_shown(program, made):
+    with opened(program, made) as page:
+        seen = []
+        for name in ("warped", "restored", "unshaded", "binary", "strain", "ppi", "error"):
+            page.select_option("#left", name)
+            page.select_option("#right", name)
+            page.wait_for_timeout(150)
+            assert page.locator("#paper .shown").count() == 1
+            assert page.locator("#page-legend .legend").count() == (name in ("strain", "ppi", "error"))
+            seen.append(look(page, "#paper"))
+        assert all(changed(one, other) > 0.01 for one, other in pairwise(seen))
+
+
+def test_the_mouse_wipes_zooms_and_reads_millimetres(program, made):
+    with opened(program, made) as page:
+        box = page.locator("#window").bounding_box()
+        middle, height = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+        page.mouse.move(middle, height)
+        reading = page.locator("#reading")
+        read = re.match(
+            r"(.+) mm from the left, (.+) mm from the top · strain .+ % · effective ppi", reading.inner_text()
+        )
+        # The middle of a page of 215.9 x 279.4 mm; a pixel of the screen is half a millimetre.
+        assert [float(mm) for mm in read.groups()] == pytest.approx([107.95, 139.7], abs=0.5)
+        page.mouse.down()
+        page.mouse.move(box["x"] + box["width"] / 4, height, steps=4)
+        page.mouse.up()
+        assert page.locator("#wipe").input_value() == "25"
+        page.locator("#window").focus()
+        wide = page.locator("#paper").bounding_box()["width"]
+        page.mouse.wheel(0, -300)  # e times as large
+        page.wait_for_timeout(150)
+        assert page.locator("#paper").bounding_box()["width"] == pytest.approx(np.e * wide, rel=0.01)
+        page.keyboard.press("0")
+        assert page.locator("#paper").bounding_box()["width"] == pytest.approx(wide)
+
+
+def test_the_switch_overrules_the_system(program, made):
+    with opened(program, made, color_scheme="dark") as page:
+        dark = look(page, "header").mean()
+        page.select_option("#theme", "light")
+        assert look(page, "header").mean() > dark + 100
+
+
+def test_without_a_program_the_page_can_be_seen(program, made):
+    context = program.new_context(java_script_enabled=False)
+    page = context.new_page()
+    page.goto(made.as_uri())
+    page.wait_for_timeout(150)
+    assert page.locator("#picture-unshaded").is_visible()
+    assert page.locator("#report").is_visible()
+    assert not page.locator("#play").is_visible()
+    context.close()
+
+
+def test_a_hostile_name_stays_a_name(program, tmp_path):
+    """As a scan without a photo, to see that as well."""
+    mesh, _ = planish.gallery.sheet_mesh(sheet("wave"), points=900, layout="grid")
+    scan = planish.Scan(mesh)
+    name = "</title></script><script>document.title='taken'</script><img src=x onerror=\"document.title='taken'\">"
+    path = tmp_path / "page.html"
+    path.write_bytes(view_page(scan, planish.restore(scan), name))
+    with opened(program, path) as page:
+        assert page.title().startswith(name)
+        assert page.locator("h1").inner_text() == name
+        assert not page.overheard.complaints
+        assert page.locator("#surface option").all_inner_texts() == ["Strain", "Expected error", "Plain paper"]
