@@ -19,6 +19,7 @@ PhotoShape = Literal["auto", "text-lines", "borders", "shading", "polynomial"]
 Paper = Literal["unknown", "a3", "a4", "a5", "letter", "legal"]
 Units = Literal["auto", "mm", "cm", "m", "in"]
 Pages = Literal["1", "2", "auto"]
+PageKind = Literal["tif", "png", "jpg", "pdf"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -284,3 +285,76 @@ class PhotoSettings:
             raise UsageError(f"width_mm must be between 1 and 10000, not {self.width_mm}")
         if self.width_mm is not None and self.paper != "unknown":
             raise UsageError("give width_mm or paper, not both: each says how large the sheet is")
+
+
+@dataclass(frozen=True, kw_only=True)
+class BatchFiles:
+    """The files of every item of a batch; report.json, item.json and preview.jpg are always among them.
+
+    Attributes
+    ----------
+    format : {"tif", "png", "jpg", "pdf"}
+        Of the page's file.
+    binary : bool
+        Also write the page in black and white: binary.tif, .png or .pdf, as the page is.
+    flat : bool
+        Also write the flattened mesh: flat.obj.
+    mask : bool
+        Also write what is known of the page: mask.png.
+    html : bool
+        Also write a page to look at: page.html.
+    certificate : bool
+        Also write one sheet that shows how good the page is: certificate.pdf.
+    """
+
+    format: PageKind = "tif"
+    binary: bool = False
+    flat: bool = False
+    mask: bool = False
+    html: bool = False
+    certificate: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class ServeSettings:
+    """What the service lets its users do.
+
+    Attributes
+    ----------
+    jobs : int
+        Scans at work at once, each in a process of its own.
+    queue : int
+        Scans that may wait for their turn; who comes then is asked to come again later.
+    seconds : float
+        A scan may take so long; then its process is ended.
+    memory_mb : float
+        A scan may take so much memory; planish itself takes about 400 of it.
+    upload_mb : float
+        The most that is taken at once, in megabytes.
+    unpacked_mb : float
+        The most that a zip file may hold.
+    files : int
+        The most files of one scan, also inside a zip.
+    megapixels : float
+        The most that one photo may have.
+    upload_seconds : float
+        An upload may take so long.
+    keep_hours : float
+        So long after its end a page can be fetched; then it is removed.
+    """
+
+    jobs: int = 2
+    queue: int = 100
+    seconds: float = 900.0
+    memory_mb: float = 4000.0
+    upload_mb: float = 1000.0
+    unpacked_mb: float = 3000.0
+    files: int = 100
+    megapixels: float = 200.0
+    upload_seconds: float = 900.0
+    keep_hours: float = 24.0
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if not 0 < value < float("inf"):
+                raise UsageError(f"{name} must be greater than 0, not {value}")

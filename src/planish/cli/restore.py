@@ -8,18 +8,9 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from planish.cli.options import Output, Quiet, Verbose
-from planish.settings import (
-    BinarizeSettings,
-    FlattenSettings,
-    Pages,
-    RenderSettings,
-    RestoreSettings,
-    Rotation,
-    ShadingSettings,
-    Units,
-)
+from planish.cli.walk import Flags, Walk
+from planish.settings import Units
 
-Flags = Parameter(name="*")
 Several = Parameter(negative="")
 
 
@@ -31,20 +22,14 @@ def restore(
     photo: Annotated[list[Path], Several] | None = None,
     camera: Annotated[list[Path], Several] | None = None,
     units: Units = "auto",
-    flattening: Annotated[FlattenSettings, Flags] = FlattenSettings(),
-    drawing: Annotated[RenderSettings, Flags] = RenderSettings(),
-    shading: Annotated[ShadingSettings, Flags] = ShadingSettings(),
-    binarizing: Annotated[BinarizeSettings, Flags] = BinarizeSettings(),
-    rotate: Rotation = "auto",
-    pages: Pages = "1",
-    pdfa: Annotated[bool, Parameter(negative="")] = False,
-    ocr: str | None = None,
+    walk: Annotated[Walk, Flags] = Walk(),
     mask: Path | None = None,
     binary: Path | None = None,
     flat: Path | None = None,
     report: Path | None = None,
     stages: Path | None = None,
     certificate: Path | None = None,
+    html: Path | None = None,
     overwrite: bool = True,
     quiet: Quiet = False,
     verbose: Verbose = False,
@@ -65,18 +50,6 @@ def restore(
         each, in the same order, or one file that has all of them by name.
     units
         The unit of the scan's numbers. auto decides from the file and from its size, and says so.
-    rotate
-        auto: as the text reads; where there is none, long side upright and the photo's top on top. A number: clockwise
-        turn from the photo's way round.
-    pages
-        2: the sheet is an open book, and is split at its spine into a left and a right page: of one TIFF or PDF, or
-        NAME-1.png and NAME-2.png. auto: only where a spine is plain in the surface and no line of text crosses it.
-        1: the sheet stays whole.
-    pdfa
-        Make PDFs for archives: PDF/A-2b.
-    ocr
-        Lay the text that Tesseract reads under the pages of a PDF, to be searched and copied; its language, as eng
-        or deu+fra. Needs the extra planish[ocr].
     mask
         Also write what is known of the page, as .png or .tif: 255 seen, 128 clipped in the photo, 0 missing.
     binary
@@ -89,6 +62,9 @@ def restore(
         Also write pictures of every stage into this folder.
     certificate
         Also write one sheet that shows how good the page is: .pdf, .png, .tif or .jpg.
+    html
+        Also write one HTML file to look at: the scan in 3D as it settles, the page beside the photo, maps of how good
+        it is, and the report in words. `planish view` makes the same of a finished restoration.
     overwrite
         Whether files in place may be replaced.
     quiet
@@ -104,9 +80,7 @@ def restore(
         photo=tuple(photo or ()),
         camera=tuple(camera or ()),
         units=units,
-        settings=RestoreSettings(
-            flatten=flattening, render=drawing, shading=shading, binarize=binarizing, rotate=rotate, pages=pages
-        ),
+        settings=walk.settings(),
         outputs=Outputs(
             page=output,
             binary=binary,
@@ -115,8 +89,9 @@ def restore(
             report=report,
             stages=stages,
             certificate=certificate,
-            pdfa=pdfa,
-            ocr=ocr,
+            html=html,
+            pdfa=walk.pdfa,
+            ocr=walk.ocr,
             overwrite=overwrite,
         ),
     )

@@ -16,6 +16,8 @@ class Outputs:
     ----------
     page : Path
         .tif, .png, .jpg or .pdf.
+    copies : tuple of Path
+        The same page again, in other formats.
     binary, mask, flat, report, certificate, html : Path or None
         The page in black and white; what is known of it; the flat mesh; the report as JSON; one sheet of figures; and
         a page to look at.
@@ -30,6 +32,7 @@ class Outputs:
     """
 
     page: Path
+    copies: tuple[Path, ...] = ()
     binary: Path | None = None
     mask: Path | None = None
     flat: Path | None = None
@@ -54,6 +57,8 @@ class Job:
         Where the scan's file does not name them.
     units : {"auto", "mm", "cm", "m", "in"}
         Of the scan's numbers.
+    inside : Path or None
+        For scans from strangers: the only folder from which files are read that the scan itself names.
     settings : RestoreSettings
     """
 
@@ -62,4 +67,5 @@ class Job:
     photo: tuple[Path, ...] = ()
     camera: tuple[Path, ...] = ()
     units: Units = "auto"
+    inside: Path | None = None
     settings: RestoreSettings = field(default_factory=RestoreSettings)

@@ -22,7 +22,7 @@ from planish.types import Page, Restoration
 
 def page_files(out: Outputs, most: int) -> list[Path]:
     """All files of the page that may be written, where the sheet may be split into as many as `most` pages."""
-    wanted = [path for path in (out.page, out.binary, out.mask) if path is not None]
+    wanted = [path for path in (out.page, *out.copies, out.binary, out.mask) if path is not None]
     counts = range(1, most + 1)
     return list(dict.fromkeys(name for path in wanted for count in counts for name in page_names(path, count)))
 
@@ -34,11 +34,12 @@ def check_pages(out: Outputs) -> None:
     ------
     OutputError, UsageError, MissingExtraError
     """
-    suffixes = {path: check_page_name(path) for path in (out.page, out.binary, out.mask) if path is not None}
+    named = (out.page, *out.copies, out.binary, out.mask)
+    suffixes = {path: check_page_name(path) for path in named if path is not None}
     if out.mask is not None and suffixes[out.mask] not in (".png", ".tif", ".tiff"):
         raise OutputError(f"{out.mask}: a mask is written as .png or .tif, where no pixel changes")
     for flag in [*(["--pdfa"] if out.pdfa else []), *(["--ocr"] if out.ocr is not None else [])]:
-        if ".pdf" not in (suffixes[out.page], suffixes.get(out.binary or Path())):
+        if ".pdf" not in suffixes.values():
             raise UsageError(f"{flag} is for PDF; name the page with -o NAME.pdf, not {out.page.name}")
     if out.ocr is not None:
         check_ocr(out.ocr)
@@ -68,7 +69,9 @@ def write_page_files(out: Outputs, done: Restoration, binarized_by: str, text: l
         The files written.
     """
     page, report = _page(done), done.report
-    written = _write(out.page, _parts(page, done), origin_of(report, report.sources), out.pdfa, text)
+    written = []
+    for path in (out.page, *out.copies):
+        written += _write(path, _parts(page, done), origin_of(report, report.sources), out.pdfa, text)
     if out.binary is not None:
         assert done.binary is not None
         origin = origin_of(report, report.sources, binarized_by)

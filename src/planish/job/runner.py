@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
 
-from planish.errors import InputError, UsageError
+from planish.errors import InputError, OutputError, UsageError
 from planish.io import (
     ReadScan,
     all_or_nothing,
@@ -16,6 +16,7 @@ from planish.io import (
     fingerprints,
     read_scan,
     way_up,
+    write_bytes,
     write_flat,
     write_json,
 )
@@ -24,6 +25,7 @@ from planish.job.pages import check_pages, page_files, read_text, write_page_fil
 from planish.job.pictures import write_certificate, write_stages
 from planish.pipeline import Progress, restore
 from planish.types import Report
+from planish.view import view_page
 
 
 @dataclass(frozen=True)
@@ -60,6 +62,8 @@ def check(job: Job) -> None:
         check_flat_name(out.flat)
     if out.certificate is not None:
         check_page_name(out.certificate)
+    if out.html is not None:
+        check_html_name(out.html)
     for path in [*page_files(out, most=1 if job.settings.pages == "1" else 2), *_others(job)]:
         check_writable(path, overwrite=out.overwrite)
 
@@ -120,9 +124,23 @@ def run(job: Job, progress: Progress | None = None) -> Done:
         report = with_files(done.report, found, read, perf_counter() - start)
         if out.certificate is not None:
             write_certificate(out.certificate, job.scan.name, found.scan, replace(done, report=report))
+        if out.html is not None:
+            tell("look", 0.0)
+            write_bytes(out.html, view_page(found.scan, replace(done, report=report), job.scan.name))
         if out.report is not None:
             write_json(out.report, report)
     return Done(report, written)
+
+
+def check_html_name(path: Path) -> None:
+    """Refuse a name that a browser would not open as a page.
+
+    Raises
+    ------
+    OutputError
+    """
+    if path.suffix.lower() not in (".html", ".htm"):
+        raise OutputError(f"{path}: a page to look at is one HTML file; give it a name that ends in .html")
 
 
 def with_files(report: Report, found: ReadScan, read: float, written: float) -> Report:
@@ -138,9 +156,15 @@ def with_files(report: Report, found: ReadScan, read: float, written: float) -> 
 
 
 def _read(job: Job) -> ReadScan:
-    found = read_scan(job.scan, photo=list(job.photo) or None, camera=list(job.camera) or None, units=job.units)
+    found = read_scan(
+        job.scan,
+        photo=list(job.photo) or None,
+        camera=list(job.camera) or None,
+        units=job.units,
+        inside=job.inside,
+    )
     if found.scan.photo is None:
-        why = "".join(f"; {warning}" for warning in found.warnings)
+        why = "".join(f"; {warning}" for warning in found.warnings if "image" in warning or "photo" in warning)
         raise InputError(
             f"{job.scan} came without a photo that can be drawn{why}; give --photo, or use `planish flatten` for the "
             "geometry alone"
@@ -151,4 +175,4 @@ def _read(job: Job) -> ReadScan:
 def _others(job: Job) -> list[Path]:
     """The single files beside the page."""
     out = job.outputs
-    return [path for path in (out.flat, out.report, out.certificate) if path is not None]
+    return [path for path in (out.flat, out.report, out.certificate, out.html) if path is not None]

@@ -1,0 +1,93 @@
+"""Around the whole application: who may ask, and what browsers are told to allow."""
+
+from __future__ import annotations
+
+import ipaddress
+from urllib.parse import urlsplit
+
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from planish.web.problems import answer
+
+_POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; "
+    "form-action 'self'; base-uri 'none'; frame-ancestors 'none'"
+)
+_VIEW_POLICY = (
+    "sandbox allow-scripts; default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data:; "
+    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+"""For a page to look at, which has all its parts inside: it runs, but in a world of its own, and asks nobody."""
+
+VIEW_HEADERS = {
+    "content-security-policy": _VIEW_POLICY,
+    "cross-origin-opener-policy": "unsafe-none",  # browsers open no sandboxed page with another
+}
+
+_HEADERS = {
+    "x-content-type-options": "nosniff",
+    "referrer-policy": "no-referrer",
+    "cross-origin-opener-policy": "same-origin",
+    "cross-origin-resource-policy": "same-origin",
+    "permissions-policy": "camera=(), geolocation=(), microphone=()",
+    "cache-control": "no-store",
+}
+_SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
+
+
+class Guard:
+    """Refuses requests for other hosts (DNS rebinding) and from other sites' pages; sets the headers of all answers.
+
+    Parameters
+    ----------
+    app : ASGI application
+    hosts : frozenset of str
+        Names under which the service may be asked for, beside localhost and plain addresses.
+    """
+
+    def __init__(self, app: ASGIApp, hosts: frozenset[str] = frozenset()):
+        self.app, self.hosts = app, hosts
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer a request, or pass it on."""
+        if scope["type"] != "http":
+            await self.app(scope, receive, send)
+            return
+        headers = Headers(scope=scope)
+
+        async def send_with_headers(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                told = MutableHeaders(scope=message)
+                for name, value in {**_HEADERS, "content-security-policy": _POLICY}.items():
+                    told.setdefault(name, value)
+            await send(message)
+
+        app = self.app
+        if not self._knows(headers.get("host", "")):
+            app = answer(421, "this service does not go by that name; whoever runs it can allow it with --allow-host")
+        elif scope["method"] not in _SAFE_METHODS and _is_from_elsewhere(headers):
+            app = answer(403, "that was asked by a page of another site; use the service's own page, or no browser")
+        await app(scope, receive, send_with_headers)
+
+    def _knows(self, host: str) -> bool:
+        """Whether a Host header names this service. A plain address cannot be the name of somebody else's page."""
+        try:
+            name = urlsplit(f"//{host}").hostname or ""
+        except ValueError:
+            return False
+        if name == "localhost" or name in self.hosts:
+            return True
+        try:
+            ipaddress.ip_address(name)
+        except ValueError:
+            return False
+        return True
+
+
+def _is_from_elsewhere(headers: Headers) -> bool:
+    """Whether a browser says that a page of another origin asks. Without a browser neither header comes."""
+    if headers.get("sec-fetch-site", "none") not in ("same-origin", "none"):
+        return True
+    origin = headers.get("origin")
+    return origin is not None and urlsplit(origin).netloc != headers.get("host")

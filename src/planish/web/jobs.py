@@ -1,0 +1,142 @@
+"""What is told of a job, and who waits to hear of it."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections import defaultdict
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Literal
+
+from pydantic import BaseModel, Field
+
+from planish.web.foreman import Foreman
+from planish.web.store import Row, State
+
+MEDIA_TYPES = {
+    ".tif": "image/tiff",
+    ".png": "image/png",
+    ".jpg": "image/jpeg",
+    ".pdf": "application/pdf",
+    ".obj": "model/obj",
+    ".json": "application/json",
+    ".html": "text/html; charset=utf-8",
+}
+
+
+class File(BaseModel):
+    """One result."""
+
+    name: str
+    bytes: int
+    href: str
+
+
+class Figure(BaseModel):
+    """One line of the report for people."""
+
+    what: str
+    how_much: str
+
+
+class JobState(BaseModel):
+    """One scan on its way to a page."""
+
+    id: str
+    title: str = Field(description="The name of the scan's file")
+    state: State
+    ahead: int = Field(description="Jobs that are done before this one is begun, while it is queued")
+    stage: str = Field(description="read, clean, flatten, turn, render, unshade, binarize, measure, write, look")
+    share: float = Field(description="Of the stage, 0 to 1")
+    sentence: str = Field(description="Why it failed")
+    created: datetime
+    finished: datetime | None
+    expires: datetime | None = Field(description="When the results are removed")
+    settled: bool | None = Field(description="False: there is a page, but the sheet did not come to rest")
+    outcome: str
+    warnings: list[str]
+    figures: list[Figure]
+    files: list[File]
+    all_files: str | None = Field(description="Where to get them in one zip")
+
+
+class Health(BaseModel):
+    """How the service does, and what it takes."""
+
+    status: Literal["ok", "stopping"]
+    version: str
+    warm: bool = Field(description="Whether scans are begun at once; after the start, kernels are loaded first")
+    jobs: dict[State, int]
+    limits: dict[str, int | float]
+
+
+def describe(row: Row, foreman: Foreman) -> JobState:
+    """A job as it is told of."""
+    stage, share = foreman.progress(row.id) if row.state == "running" else ("", 0.0)
+    keep = foreman.limits.keep_hours * 3600
+    here, folder = f"/api/jobs/{row.id}", foreman.results(row)
+    files = [
+        File(name=name, bytes=_size(folder / name), href=f"{here}/files/{name}") for name in row.result.get("files", [])
+    ]
+    return JobState(
+        id=row.id,
+        title=row.title,
+        state=row.state,
+        ahead=foreman.store.ahead(row) if row.state == "queued" else 0,
+        stage=stage,
+        share=share,
+        sentence=row.sentence,
+        created=datetime.fromtimestamp(row.created, UTC),
+        finished=None if row.finished is None else datetime.fromtimestamp(row.finished, UTC),
+        expires=None if row.finished is None else datetime.fromtimestamp(row.finished + keep, UTC),
+        settled=row.result.get("settled"),
+        outcome=row.result.get("outcome", ""),
+        warnings=row.result.get("warnings", []),
+        figures=[Figure(what=what, how_much=how_much) for what, how_much in row.result.get("figures", [])],
+        files=files,
+        all_files=f"{here}/all.zip" if files else None,
+    )
+
+
+def _size(path: Path) -> int:
+    try:
+        return path.stat().st_size
+    except FileNotFoundError:  # removed just now
+        return 0
+
+
+class Watchers:
+    """Those who want to hear of a job; news may come from any thread."""
+
+    def __init__(self) -> None:
+        self.loop: asyncio.AbstractEventLoop | None = None
+        self._events: dict[str, set[asyncio.Event]] = defaultdict(set)
+
+    def changed(self, id: str) -> None:
+        """Say that there is news of a job."""
+        if self.loop is not None:
+            with contextlib.suppress(RuntimeError):  # the loop has ended
+                self.loop.call_soon_threadsafe(self._wake, id)
+
+    def wake_all(self) -> None:
+        """Say so of all jobs."""
+        for id in list(self._events):
+            self.changed(id)
+
+    @contextlib.contextmanager
+    def watching(self, id: str) -> Iterator[asyncio.Event]:
+        """An event that is set whenever there is news."""
+        event = asyncio.Event()
+        self._events[id].add(event)
+        try:
+            yield event
+        finally:
+            self._events[id].discard(event)
+            if not self._events[id]:
+                del self._events[id]
+
+    def _wake(self, id: str) -> None:
+        for event in self._events.get(id, ()):
+            event.set()

@@ -1,0 +1,173 @@
+"""What an upload holds: which file is the scan, which the photo, which the camera; and that each is what it says."""
+
+from __future__ import annotations
+
+import warnings
+import zipfile
+from dataclasses import dataclass
+from pathlib import Path
+
+from PIL import Image
+
+from planish.settings import ServeSettings
+from planish.web.form import Form
+from planish.web.problems import Refusal
+from planish.web.unpack import unpack
+
+MESHES = {".obj": "OBJ", ".ply": "PLY", ".glb": "GLB", ".gltf": "glTF"}
+IMAGES = {
+    **dict.fromkeys((".jpg", ".jpeg"), "JPEG"),
+    ".png": "PNG",
+    **dict.fromkeys((".tif", ".tiff"), "TIFF"),
+    ".webp": "WebP",
+    ".bmp": "BMP",
+    **dict.fromkeys((".jp2", ".j2k"), "JPEG 2000"),
+    **dict.fromkeys((".ppm", ".pgm", ".pnm"), "PPM"),
+}
+_TEXTS = (".obj", ".mtl", ".gltf", ".json")
+_BESIDE = (".mtl", ".bin", ".json")
+_DECODERS = ("JPEG", "PNG", "TIFF", "WEBP", "BMP", "JPEG2000", "PPM")
+_GRIDS = {"meta.json", "x.tif", "y.tif", "z.tif"}
+_HEAD = 1 << 16
+
+
+@dataclass(frozen=True)
+class Upload:
+    """A scan that may be tried: names of files in the upload's folder.
+
+    Attributes
+    ----------
+    scan : str
+        "." for a tifxyz, which is the folder itself.
+    photo, camera : tuple of str
+    title : str
+        What the user knows it by.
+    """
+
+    scan: str
+    photo: tuple[str, ...]
+    camera: tuple[str, ...]
+    title: str
+
+
+def look(form: Form, folder: Path, limits: ServeSettings) -> Upload:
+    """Check all files of an upload, unpack a zip among them, and tell which is what.
+
+    Raises
+    ------
+    Refusal
+        415 for kinds of files that are not read, 413 for what is too large, 422 for what does not make one scan.
+    """
+    files = form.files["scan"]
+    if not files:
+        raise Refusal(422, "no scan came; send its files as scan: OBJ, PLY, GLB or glTF with its photo, or one zip")
+    title = files[0].name
+    zips = [path for path in files if path.suffix.lower() == ".zip"]
+    if zips:
+        if len(files) > 1:
+            raise Refusal(422, f"{zips[0].name!a} came with other files; send one zip alone, or files without it")
+        files = _unpacked(zips[0], folder, limits)
+    for path in (*files, *form.files["photo"], *form.files["camera"]):
+        _check_file(path, limits)
+    _check_kinds(form)
+    if {path.name for path in files} >= _GRIDS:
+        return _upload(".", form.files["photo"], form.files["camera"], title if zips else "tifxyz")
+    meshes = [path for path in files if path.suffix.lower() in MESHES]
+    if len(meshes) != 1:
+        what = "no mesh is" if not meshes else f"{len(meshes)} meshes are"
+        raise Refusal(422, f"{what} among the files; one OBJ, PLY, GLB or glTF is wanted, or the files of a tifxyz")
+    photo, camera = form.files["photo"], form.files["camera"]
+    if not photo and not _names_an_image(meshes[0], files):
+        photo, camera = _beside(files, camera)
+    if len(camera) not in (0, 1, len(photo)):
+        raise Refusal(422, f"{len(photo)} photos came with {len(camera)} cameras; one each is wanted, or one for all")
+    return _upload(meshes[0].name, photo, camera, title if zips else meshes[0].name)
+
+
+def _upload(scan: str, photo: list[Path], camera: list[Path], title: str) -> Upload:
+    return Upload(scan, tuple(path.name for path in photo), tuple(path.name for path in camera), title)
+
+
+def _unpacked(path: Path, folder: Path, limits: ServeSettings) -> list[Path]:
+    if not zipfile.is_zipfile(path):
+        raise Refusal(415, f"{path.name} says that it is a zip file, and is none")
+    aside = path.rename(folder.parent / "upload.zip")  # its name may be one that it holds, too
+    try:
+        return [one for one in unpack(aside, folder, limits) if _is_wanted(one)]
+    finally:
+        aside.unlink()
+
+
+def _is_wanted(path: Path) -> bool:
+    """Whether an unpacked file may belong to a scan; others are removed again."""
+    wanted = path.suffix.lower() in (*MESHES, *IMAGES, *_BESIDE)
+    if not wanted:
+        path.unlink()
+    return wanted
+
+
+def _check_file(path: Path, limits: ServeSettings) -> None:
+    suffix, name = path.suffix.lower(), ascii(path.name)
+    if suffix not in (*MESHES, *IMAGES, *_BESIDE):
+        raise Refusal(415, f"{name} is of a kind that is not read: OBJ, PLY, GLB, glTF, photos, or one zip are")
+    if path.stat().st_size == 0:
+        raise Refusal(422, f"{name} is empty (0 bytes); was it copied to its end?")
+    if suffix in IMAGES:
+        _check_image(path, name, limits)
+        return
+    head = _head(path)
+    if suffix in _TEXTS and b"\0" in head:
+        raise Refusal(415, f"{name} says that it is text, and holds something else")
+    begins = {".ply": (b"ply",), ".glb": (b"glTF",), ".gltf": (b"{",), ".json": (b"{", b"[")}
+    if suffix in begins and not head.removeprefix(b"\xef\xbb\xbf").lstrip().startswith(begins[suffix]):
+        raise Refusal(415, f"{name} says that it is {suffix[1:].upper()}, and holds something else")
+
+
+def _check_image(path: Path, name: str, limits: ServeSettings) -> None:
+    """Read the size from the header alone."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            limit, Image.MAX_IMAGE_PIXELS = Image.MAX_IMAGE_PIXELS, None
+            try:
+                with Image.open(path, formats=_DECODERS) as image:
+                    width, height = image.size
+            finally:
+                Image.MAX_IMAGE_PIXELS = limit
+    except Exception:  # decoders raise nearly every class there is on damaged files
+        raise Refusal(415, f"{name} is no image that can be read; was it copied to its end?") from None
+    if width * height > limits.megapixels * 1e6:
+        raise Refusal(
+            413,
+            f"{name} has {width} x {height} = {width * height / 1e6:.0f} megapixels; at most {limits.megapixels:g} are "
+            "taken",
+        )
+
+
+def _check_kinds(form: Form) -> None:
+    for path in form.files["photo"]:
+        if path.suffix.lower() not in IMAGES:
+            raise Refusal(415, f"{path.name!a} came as photo, and is no image")
+    for path in form.files["camera"]:
+        if path.suffix.lower() != ".json":
+            raise Refusal(415, f"{path.name!a} came as camera; a camera is a file of JSON")
+
+
+def _beside(files: list[Path], camera: list[Path]) -> tuple[list[Path], list[Path]]:
+    """Photos and cameras among the files of a mesh that names no image."""
+    images = [path for path in files if path.suffix.lower() in IMAGES]
+    camera = camera or [path for path in files if path.suffix.lower() == ".json"]
+    return (images if camera or len(images) == 1 else []), camera
+
+
+def _names_an_image(mesh: Path, files: list[Path]) -> bool:
+    """Whether the photo is in the mesh's file, or named by it."""
+    suffix = mesh.suffix.lower()
+    if suffix == ".obj":
+        return any(b"map_" in _head(path) for path in files if path.suffix.lower() == ".mtl")
+    return suffix != ".ply" or b"TextureFile" in _head(mesh)
+
+
+def _head(path: Path) -> bytes:
+    with path.open("rb") as file:
+        return file.read(_HEAD)

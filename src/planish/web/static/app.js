@@ -1,0 +1,130 @@
+// The page: files are chosen and sent, then a job is followed. The address holds the job, so that a reload finds it.
+
+import * as api from "./api.js";
+import { byId, done, element, failed, sending, size, turnTo, working } from "./show.js";
+
+const KEPT = "planish.jobs";
+const MOST_KEPT = 8;
+let chosen = [];
+let unfollow = () => {};
+let upload = null;
+let limits = null;
+
+const named = () => new URLSearchParams(location.hash.slice(1)).get("job");
+
+function choose(files) {
+  for (const file of files) {
+    chosen = chosen.filter((other) => other.name !== file.name);
+    chosen.push(file);
+  }
+  showChosen();
+}
+
+function showChosen() {
+  byId("chosen").replaceChildren(...chosen.map((file) => {
+    const item = element("li");
+    const drop = element("button", "Remove", { type: "button" });
+    drop.append(element("span", ` ${file.name}`, { className: "unseen" }));
+    drop.onclick = () => { chosen = chosen.filter((other) => other !== file); showChosen(); byId("scan").focus(); };
+    item.append(element("span", file.name, { className: "what" }), element("span", size(file.size), { className: "much" }), drop);
+    return item;
+  }));
+  refuse("");
+}
+
+function refuse(sentence) {
+  byId("refused").textContent = sentence;
+  byId("refused").hidden = !sentence;
+}
+
+async function submit(event) {
+  event.preventDefault();
+  if (!chosen.length) return refuse("Choose the files of a scan first.");
+  const form = new FormData(byId("form"));
+  form.delete("scan");
+  for (const file of chosen) form.append("scan", file, file.name);
+  const bytes = [...form.values()].reduce((sum, value) => sum + (value.size ?? 0), 0);
+  if (limits && bytes > limits.upload_mb * 1e6) return refuse(`These are ${size(bytes)}; at most ${limits.upload_mb} MB are taken at once.`);
+  refuse("");
+  const title = chosen[0].name;
+  upload = new AbortController();
+  sending(title, 0);
+  try {
+    const job = await api.send(form, (share) => sending(title, share), upload.signal);
+    chosen = [];
+    showChosen();
+    keep([{ id: job.id, title: job.title }, ...kept()].slice(0, MOST_KEPT));
+    location.hash = `job=${job.id}`;
+  } catch (problem) {
+    start();
+    if (problem instanceof api.Refused) refuse(problem.message);
+  } finally {
+    upload = null;
+  }
+}
+
+function show(job, id) {
+  if (job === null) {
+    keep(kept().filter((other) => other.id !== id));
+    failed("This scan", "It is not here any more: results are removed after a while.");
+  } else if (job.state === "done") done(job);
+  else if (job.state === "failed") failed(job.title, job.sentence);
+  else working(job);
+}
+
+function start() {
+  turnTo("start");
+  const jobs = kept();
+  byId("recent").hidden = jobs.length === 0;
+  byId("recent").querySelector("ul").replaceChildren(...jobs.map(({ id, title }) => {
+    const item = element("li");
+    item.append(element("a", title, { href: `#job=${id}` }));
+    return item;
+  }));
+}
+
+async function route() {
+  unfollow();
+  unfollow = () => {};
+  const id = named();
+  if (!id) return start();
+  const job = await api.job(id);
+  if (job === null || job.state === "done" || job.state === "failed") return show(job, id);
+  unfollow = api.follow(id, (told) => show(told, id));
+}
+
+function kept() {
+  try { return JSON.parse(localStorage.getItem(KEPT)) ?? []; } catch { return []; }
+}
+
+function keep(jobs) {
+  try { localStorage.setItem(KEPT, JSON.stringify(jobs)); } catch { /* private windows may keep nothing */ }
+}
+
+async function leave() {
+  if (upload) return upload.abort();
+  const id = named();
+  unfollow();
+  await api.remove(id);
+  keep(kept().filter((other) => other.id !== id));
+  location.hash = "";
+}
+
+const drop = byId("drop");
+for (const kind of ["dragenter", "dragover"]) drop.addEventListener(kind, (event) => { event.preventDefault(); drop.classList.add("over"); });
+for (const kind of ["dragleave", "drop"]) drop.addEventListener(kind, (event) => { event.preventDefault(); drop.classList.remove("over"); });
+drop.addEventListener("drop", (event) => choose(event.dataTransfer.files));
+byId("scan").addEventListener("change", (event) => { choose(event.target.files); event.target.value = ""; });
+byId("form").addEventListener("submit", submit);
+byId("cancel").addEventListener("click", leave);
+byId("remove").addEventListener("click", leave);
+for (const button of document.querySelectorAll(".again")) button.addEventListener("click", () => { location.hash = ""; if (!named()) start(); });
+addEventListener("hashchange", route);
+
+const state = await api.health();
+if (state) {
+  limits = state.limits;
+  byId("version").textContent = `planish ${state.version}`;
+  byId("limits").textContent = `At most ${limits.upload_mb} MB at once; results are kept for ${limits.keep_hours} hours.`;
+}
+await route();

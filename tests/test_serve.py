@@ -1,0 +1,249 @@
+"""The service as it runs: jobs done in processes of their own, and what is left when one or the server is killed."""
+
+import io
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+import zipfile
+from pathlib import Path
+
+import httpx
+import pytest
+
+from planish.gallery import sheet, virtual_scan
+from planish.io import write_scan
+from planish.job import Job, Outputs, run
+from planish.settings import RenderSettings, RestoreSettings
+
+PATIENCE = 240  # seconds, for a machine that has much else to do
+FIELDS = {"dpi": "auto", "formats": "png,tif", "view": "false"}
+SLOW = {"dpi": "400"}  # a second or two of work, so that it can be met in the middle
+
+
+class Server:
+    """`planish serve` in a folder, at a free port."""
+
+    def __init__(self, folder, *flags):
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "planish", "serve", "--port", "0", "--data", str(folder), "--jobs", "1", *flags],
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        said = self.process.stdout.readline()
+        self.client = httpx.Client(base_url=said.split()[-1], timeout=PATIENCE)
+
+    def end(self, number):
+        self.process.send_signal(number)
+        code = self.process.wait(PATIENCE)
+        self.process.stdout.close()
+        self.client.close()
+        return code
+
+    def send(self, files, **fields):
+        parts = [("scan", (path.name, path.read_bytes())) for path in files]
+        answer = self.client.post("/api/jobs", files=parts, data={**FIELDS, **fields})
+        assert answer.status_code == 201, answer.text
+        return answer.headers["location"]
+
+    def events(self, job):
+        with self.client.stream("GET", f"{job}/events") as answer:
+            assert answer.headers["content-type"].startswith("text/event-stream")
+            yield from (json.loads(line[6:]) for line in answer.iter_lines() if line.startswith("data: "))
+
+    def until(self, job, wanted):
+        """Follow a job until it is what is wanted."""
+        told = next((told for told in self.events(job) if wanted(told)), None)
+        assert told is not None
+        return told
+
+    def worker(self, job):
+        """The process of a job, when it is at work: a child of the server of forks, which is a child of the server."""
+        self.until(job, lambda told: told["state"] == "running" and told["stage"])
+        found = [pid for child in children(self.process.pid) for pid in children(child)]
+        assert len(found) == 1
+        return found[0]
+
+
+def children(pid):
+    found = []
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            words = stat.read_text().rpartition(")")[2].split()
+        except (FileNotFoundError, ProcessLookupError):
+            continue
+        if int(words[1]) == pid:
+            found.append(int(stat.parent.name))
+    return found
+
+
+def runs(pid):
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
+@pytest.fixture(scope="module")
+def scan(tmp_path_factory):
+    """The files of a small card's scan."""
+    folder = tmp_path_factory.mktemp("scan")
+    taken = virtual_scan(sheet("book", width_mm=74, height_mm=105), points=2000, photo_px=(600, 450)).scan
+    write_scan(folder / "scan.obj", taken)
+    return [folder / name for name in ("scan.obj", "scan.mtl", "scan.jpg")]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("served")
+
+
+@pytest.fixture(scope="module")
+def server(folder):
+    started = Server(folder)
+    yield started
+    if started.process.poll() is None:
+        started.end(signal.SIGKILL)
+
+
+@pytest.fixture(scope="module")
+def finished(server, scan):
+    """A job that was followed to its end, and what was told on the way."""
+    job = server.send(scan)
+    told = list(server.events(job))
+    return job, told
+
+
+def test_a_scan_becomes_the_page_that_the_command_line_makes(server, scan, finished, tmp_path):
+    job, told = finished
+    assert told[-1]["state"] == "done"
+    assert told[-1]["settled"]
+    outputs = Outputs(page=tmp_path / "page.png", binary=tmp_path / "page-bw.png", flat=tmp_path / "flat.obj")
+    run(Job(scan=scan[0], outputs=outputs, settings=RestoreSettings(render=RenderSettings(dpi="auto"))))
+    for path in (outputs.page, outputs.binary, outputs.flat):
+        assert server.client.get(f"{job}/files/{path.name}").content == path.read_bytes()
+
+
+def test_progress_is_told_in_the_order_of_the_stages(finished):
+    stages = list(dict.fromkeys(told["stage"] for told in finished[1] if told["stage"]))
+    order = ["read", "clean", "flatten", "turn", "render", "unshade", "binarize", "measure", "write"]
+    assert stages == [stage for stage in order if stage in stages]
+    assert len(stages) >= 2  # the quick ones come and go between two looks
+
+
+def test_all_files_can_be_had_alone_and_in_one_zip(server, finished):
+    job, told = finished
+    archive = zipfile.ZipFile(io.BytesIO(server.client.get(told[-1]["all_files"]).content))
+    assert archive.testzip() is None
+    names = [file["name"] for file in told[-1]["files"]]
+    assert archive.namelist() == names
+    assert {"page.png", "page.tif", "page-bw.png", "flat.obj", "report.json", "preview.jpg"} <= set(names)
+    for file in told[-1]["files"]:
+        answer = server.client.get(file["href"])
+        assert len(answer.content) == file["bytes"]
+        assert archive.read(file["name"]) == answer.content
+    assert server.client.get(f"{job}/files/jobs.sqlite").status_code == 404
+
+
+def test_the_scan_is_not_kept_and_nothing_tells_where_it_lay(server, folder, finished):
+    job, told = finished
+    assert [path.name for path in (folder / "jobs" / told[-1]["id"]).iterdir()] == ["out-1"]
+    assert str(folder) not in server.client.get(f"{job}/files/report.json").text
+    assert folder.stat().st_mode & 0o077 == 0
+
+
+def test_a_scan_that_is_none_fails_with_its_sentence(server, tmp_path):
+    (tmp_path / "scan.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n")
+    told = server.until(server.send([tmp_path / "scan.obj"]), lambda told: told["state"] == "failed")
+    assert told["sentence"].startswith("scan.obj: face 0 uses point 8, but the file has 3 points")
+
+
+def test_a_scan_reads_no_file_of_the_server(server, scan, tmp_path):
+    (tmp_path / "scan.obj").write_bytes(scan[0].read_bytes())
+    (tmp_path / "scan.mtl").write_text(f"newmtl photo\nmap_Kd {scan[2]}\n")
+    job = server.send([tmp_path / "scan.obj", tmp_path / "scan.mtl"])
+    told = server.until(job, lambda told: told["state"] == "failed")
+    assert "which does not exist" in told["sentence"]
+
+
+def test_a_killed_process_takes_no_other_job_with_it_and_is_tried_again(server, scan):
+    job = server.send(scan, **SLOW)
+    os.kill(server.worker(job), signal.SIGKILL)
+    told = server.until(job, lambda told: told["state"] in ("done", "failed"))
+    assert told["state"] == "done"
+    assert told["files"]
+
+
+def test_a_job_can_be_cancelled_and_its_process_ends(server, scan, folder):
+    job = server.send(scan, **SLOW)
+    worker = server.worker(job)
+    assert server.client.delete(job).status_code == 204
+    assert server.client.get(job).status_code == 404
+    deadline = time.monotonic() + PATIENCE
+    while runs(worker) or (folder / job.replace("/api/", "")).exists():
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+def test_the_description_is_openapi_and_knows_every_setting(server):
+    told = server.client.get("/api/openapi.json").json()
+    assert told["openapi"].startswith("3.1")
+    form = told["paths"]["/api/jobs"]["post"]["requestBody"]["content"]["multipart/form-data"]["schema"]
+    assert {"scan", "dpi", "verlet.max-steps", "units", "formats"} <= set(form["properties"])
+
+
+def test_a_second_server_finds_the_port_and_the_folder_taken(server, folder, tmp_path):
+    port = str(server.client.base_url.port)
+    for flags, sentence in (
+        (("--port", port, "--data", str(tmp_path)), f"port {port} is in use; give another with --port"),
+        (("--port", "0", "--data", str(folder)), "is used by another server; give another folder with --data"),
+    ):
+        done = subprocess.run([sys.executable, "-m", "planish", "serve", *flags], capture_output=True, text=True)
+        assert done.returncode == 4
+        assert sentence in done.stderr
+        assert done.stderr.count("\n") == 1
+
+
+def test_others_are_let_in_only_where_that_is_said():
+    done = subprocess.run(
+        [sys.executable, "-m", "planish", "serve", "--host", "0.0.0.0"], capture_output=True, text=True
+    )
+    assert done.returncode == 2
+    assert "without login or encryption" in done.stderr
+
+
+def test_without_its_extra_the_service_says_what_to_install():
+    program = "import sys; sys.modules['fastapi'] = None; from planish.cli import main; main(['serve'])"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert done.returncode == 6
+    assert done.stderr == "planish: planish serve needs fastapi, which is not installed: pip install 'planish[web]'\n"
+
+
+def test_nothing_is_lost_when_the_server_is_killed_or_stopped(server, scan, folder, finished):
+    """Last, as it ends the server."""
+    done = server.client.get(finished[0]).json()
+    running, waiting = server.send(scan, **SLOW), server.send(scan)
+    worker = server.worker(running)
+    server.end(signal.SIGKILL)
+    second = Server(folder)
+    try:
+        assert second.client.get(finished[0]).json() == done
+        assert second.client.get(done["files"][0]["href"]).status_code == 200
+        for job in (running, waiting):
+            assert second.until(job, lambda told: told["state"] in ("done", "failed"))["state"] == "done"
+        assert not runs(worker)
+        again = second.send(scan, **SLOW)
+        worker = second.worker(again)
+        assert second.end(signal.SIGTERM) == 0
+    finally:
+        second.process.kill()
+    assert not runs(worker)
+    third = Server(folder, "--keep-hours", "0.0001")
+    try:
+        assert third.client.get(again).json()["state"] in ("queued", "running")
+        assert third.client.get(running).status_code == 404  # its time was over at the start
+        assert third.end(signal.SIGINT) == 130
+    finally:
+        third.process.kill()

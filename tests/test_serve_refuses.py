@@ -1,0 +1,150 @@
+"""What the service refuses, and in which words; no job is begun here."""
+
+import asyncio
+
+import httpx
+import pytest
+
+import bad_uploads
+from planish.settings import ServeSettings
+from planish.web.app import application
+from planish.web.service import Service
+
+LIMITS = ServeSettings(upload_mb=1, unpacked_mb=2, files=20, megapixels=100, queue=3)
+
+
+@pytest.fixture
+def service(tmp_path):
+    made = Service(tmp_path, LIMITS)
+    made.application = application(made)
+    yield made
+    made.store.close()
+
+
+def ask(service, method, address, app=None, base="http://127.0.0.1:8008", **content):
+    async def once():
+        transport = httpx.ASGITransport(app or service.application)
+        async with httpx.AsyncClient(transport=transport, base_url=base) as client:
+            return await client.request(method, address, **content)
+
+    return asyncio.run(once())
+
+
+def assert_refused(answer, status, part):
+    assert answer.status_code == status, answer.text
+    assert answer.headers["content-type"] == "application/problem+json"
+    told = answer.json()
+    assert told["status"] == status
+    assert part in told["detail"], told["detail"]
+    assert "\n" not in told["detail"]
+    assert len(told["detail"]) < 250
+
+
+@pytest.mark.parametrize("name", bad_uploads.BAD)
+def test_a_bad_upload_gets_a_sentence_and_leaves_nothing(service, tmp_path, name):
+    files, fields, status, part = bad_uploads.BAD[name]
+    if files is None:  # httpx makes another kind of form without files
+        fields = {**fields, "units": "mm"}
+        files = [("camera", ("c.json", b"{}"))]
+    answer = ask(service, "POST", "/api/jobs", files=files, data=fields)
+    assert_refused(answer, status, part)
+    assert str(tmp_path) not in answer.text
+    assert list((tmp_path / "jobs").iterdir()) == []
+    assert service.store.ids() == set()
+
+
+def test_good_uploads_are_taken_until_the_queue_is_full(service):
+    in_a_folder = [(f"folder/{name}", data) for _, (name, data) in bad_uploads.GOOD]
+    in_a_folder += [("folder/.DS_Store", b"x"), ("__MACOSX/folder/._scan.obj", b"x"), ("folder/notes.txt", b"x")]
+    apart = {
+        "scan": ("café scan.obj", bad_uploads.OBJ),
+        "photo": ("p.png", bad_uploads.png()),
+        "camera": ("c.json", b"{}"),
+    }
+    forms = [bad_uploads.GOOD, bad_uploads.one_zip(bad_uploads.zipped(*in_a_folder)), list(apart.items())]
+    for place, files in enumerate(forms):
+        answer = ask(service, "POST", "/api/jobs", files=files, data={"dpi": "auto", "verlet.max-steps": "7"})
+        assert answer.status_code == 201, answer.text
+        told = answer.json()
+        assert (told["state"], told["ahead"]) == ("queued", place)
+        assert answer.headers["location"] == f"/api/jobs/{told['id']}"
+    full = ask(service, "POST", "/api/jobs", files=bad_uploads.GOOD)
+    assert_refused(full, 429, "3 scans wait already")
+    assert full.headers["retry-after"]
+    assert ask(service, "DELETE", answer.headers["location"]).status_code == 204
+    assert ask(service, "POST", "/api/jobs", files=bad_uploads.GOOD).status_code == 201
+
+
+FORM = "multipart/form-data; boundary=x"
+PART = b"--x\r\nContent-Disposition: form-data; "
+
+
+@pytest.mark.parametrize(
+    ("content", "kind", "status", "part"),
+    [
+        (b"{}", "application/json", 415, "multipart/form-data"),
+        (b"", "multipart/form-data", 415, "multipart/form-data"),
+        (b"dpi=300", "application/x-www-form-urlencoded", 415, "multipart/form-data"),
+        (b"hello", FORM, 422, "damaged"),
+        (b"--x\r\n\r\nhello\r\n--x--", FORM, 422, "has no name"),
+        (PART + b'name="dpi"\r\n\r\n300', FORM, 422, "cut short"),
+        (PART + b'name="scan"; filename="scan\0.obj"\r\n\r\nv\r\n--x--', FORM, 422, "no plain name"),
+        (PART + b'name="scan"; filename=""\r\n\r\n\r\n--x--', FORM, 422, "no scan came"),
+        (b"", FORM, 422, "cut short"),
+    ],
+)
+def test_what_is_no_form_is_refused(service, content, kind, status, part):
+    assert_refused(ask(service, "POST", "/api/jobs", content=content, headers={"content-type": kind}), status, part)
+
+
+def test_a_declared_length_beyond_the_limit_is_refused_before_it_is_read(service):
+    headers = {"content-type": "multipart/form-data; boundary=x", "content-length": "5000000000"}
+    assert_refused(ask(service, "POST", "/api/jobs", content=b"", headers=headers), 413, "at most 1 MB")
+
+
+def test_names_that_are_not_there_and_methods_that_are_not_meant(service):
+    assert_refused(ask(service, "GET", "/api/jobs/nothing"), 404, "no such job")
+    assert_refused(ask(service, "DELETE", "/api/jobs/nothing"), 404, "no such job")
+    assert_refused(ask(service, "GET", "/api/jobs/nothing/events"), 404, "no such job")
+    assert_refused(ask(service, "GET", "/api/jobs/nothing/all.zip"), 404, "no such job")
+    assert_refused(ask(service, "GET", "/api/jobs"), 405, "not for that method")
+    assert ask(service, "PUT", "/api/jobs/nothing").headers["allow"] == "DELETE, GET"
+    for path in ("/nothing", "/static/", "/static/../app.py", "/static/%2e%2e/app.py", "/jobs.sqlite"):
+        assert_refused(ask(service, "GET", path), 404, "nothing at this address")
+
+
+def test_results_before_the_end_are_a_conflict(service):
+    here = ask(service, "POST", "/api/jobs", files=bad_uploads.GOOD).headers["location"]
+    assert_refused(ask(service, "GET", f"{here}/files/page.png"), 409, "this job is queued")
+    taken = service.store.take()
+    service.store.fail(taken.id, "the sheet is a sphere")
+    assert_refused(ask(service, "GET", f"{here}/all.zip"), 409, "the sheet is a sphere")
+
+
+def test_only_its_own_names_and_its_own_pages_are_answered(service):
+    for base in ("http://localhost:8008", "http://127.0.0.1:8008", "http://[::1]:8008", "http://192.168.1.7"):
+        assert ask(service, "GET", "/api/health", base=base).status_code == 200
+    named = "http://scans.example.org"
+    assert_refused(ask(service, "GET", "/api/health", base=named), 421, "does not go by that name")
+    knowing = application(service, frozenset({"scans.example.org"}))
+    assert ask(service, "GET", "/api/health", knowing, base=named).status_code == 200
+    for headers in ({"origin": "http://evil.example"}, {"origin": "null"}, {"sec-fetch-site": "cross-site"}):
+        answer = ask(service, "POST", "/api/jobs", files=bad_uploads.GOOD, headers=headers)
+        assert_refused(answer, 403, "another site")
+    own = {"origin": "http://127.0.0.1:8008", "sec-fetch-site": "same-origin"}
+    assert ask(service, "POST", "/api/jobs", files=bad_uploads.GOOD, headers=own).status_code == 201
+
+
+def test_every_answer_forbids_what_browsers_may_be_tricked_into(service):
+    for path in ("/", "/api/health", "/nothing", "/static/app.js"):
+        headers = ask(service, "GET", path).headers
+        assert "default-src 'none'" in headers["content-security-policy"]
+        assert "unsafe" not in headers["content-security-policy"]
+        assert headers["x-content-type-options"] == "nosniff"
+        assert headers["referrer-policy"] == "no-referrer"
+
+
+def test_a_service_that_stops_says_so(service):
+    service.say_stop()
+    assert_refused(ask(service, "POST", "/api/jobs", files=bad_uploads.GOOD), 503, "being stopped")
+    assert ask(service, "GET", "/api/health").json()["status"] == "stopping"
