@@ -20,12 +20,12 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from machine import machine
-from planish.acquire.depth import from_depth
 from planish.acquire.grid_mesh import Acquired
-from planish.acquire.phase import with_code
-from planish.acquire.points import from_points
-from planish.acquire.range_grid import from_grid, grid_photo
-from planish.acquire.structured import from_gray_code
+from planish.acquire.points.scan import from_points
+from planish.acquire.range_image.depth import from_depth
+from planish.acquire.range_image.grid import from_grid, grid_photo
+from planish.acquire.structured_light.phase import with_code
+from planish.acquire.structured_light.scan import from_gray_code
 from planish.gallery import Sheet, sheet, typeset_sheet
 from planish.gallery.clouds import photo_points, range_image
 from planish.gallery.devices import SMALL_RIG, depth_capture, projector_rig, structured_light

@@ -24,9 +24,9 @@ import numpy as np
 
 from machine import machine
 from planish.acquire.grid_mesh import Acquired
-from planish.acquire.laser import from_laser, sweep_stripes
-from planish.acquire.laser_lines import from_laser_lines
-from planish.acquire.laser_rig import rig_of_squares
+from planish.acquire.laser.lines import from_laser_lines
+from planish.acquire.laser.rig import rig_of_squares
+from planish.acquire.laser.sweep import from_laser, sweep_stripes
 from planish.gallery import sheet
 from planish.gallery.laser import VirtualSweep, squared_paper, truth_of, virtual_lines, virtual_sweep
 from planish.gallery.sheets import normals

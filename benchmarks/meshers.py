@@ -17,8 +17,8 @@ from scipy.spatial import cKDTree
 import planish
 from acquire import nearest_places
 from machine import machine
-from planish.acquire.cloud_normals import oriented, patches
-from planish.acquire.cloud_surface import CELL, surface
+from planish.acquire.points.normals import oriented, patches
+from planish.acquire.points.surface import CELL, surface
 from planish.errors import PlanishError
 from planish.gallery import Sheet, sheet, sheet_mesh
 from planish.mesh import without_crumbs

@@ -6,10 +6,10 @@ import cv2
 import numpy as np
 import pytest
 
-from planish.acquire.depth import averaged, back_projected, from_depth, without_flying_pixels
 from planish.acquire.grid_mesh import grid_mesh
 from planish.acquire.paper import find_sheet
 from planish.acquire.picture import picture
+from planish.acquire.range_image.depth import averaged, back_projected, from_depth, without_flying_pixels
 from planish.cli.main import run
 from planish.errors import InputError
 from planish.gallery import sheet

@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 import pytest
 
-from planish.acquire.grid_shape import grid_shape, recognised_shape
 from planish.acquire.picture import picture
-from planish.acquire.range_grid import from_grid, grid_photo
+from planish.acquire.range_image.grid import from_grid, grid_photo
+from planish.acquire.range_image.shape import grid_shape, recognised_shape
 from planish.cli.main import run
 from planish.errors import InputError
 from planish.gallery import sheet

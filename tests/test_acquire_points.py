@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
-from planish.acquire.cloud_normals import oriented, patches
-from planish.acquire.points import from_points
+from planish.acquire.points.normals import oriented, patches
+from planish.acquire.points.scan import from_points
 from planish.cli.main import run
 from planish.errors import InputError
 from planish.gallery import sheet

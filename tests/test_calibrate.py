@@ -11,10 +11,10 @@ import numpy as np
 import pikepdf
 import pytest
 
-from planish.acquire.boards import Board, board_page, board_pixels, corner_places, find_corners
-from planish.acquire.calibrate import _calibrated, calibrate_camera, calibrate_projector
-from planish.acquire.gray_code import patterns
-from planish.acquire.poses import poses_picture
+from planish.acquire.calibration.boards import Board, board_page, board_pixels, corner_places, find_corners
+from planish.acquire.calibration.camera import _calibrated, calibrate_camera, calibrate_projector
+from planish.acquire.calibration.poses import poses_picture
+from planish.acquire.structured_light.gray_code import patterns
 from planish.cli.main import run
 from planish.errors import InputError, UsageError
 from planish.gallery import sheet, typeset_sheet

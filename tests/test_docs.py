@@ -2,28 +2,32 @@
 
 import importlib.util
 import re
+import tomllib
 from pathlib import Path
 
 import pytest
 
 import planish
 from planish import errors
-from planish.cli.main import DID_NOT_SETTLE, INTERRUPTED
+from planish.cli.main import DID_NOT_SETTLE, INTERRUPTED, TERMINATED
 
 ROOT = Path(__file__).parent.parent
 PAGES = [*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")]
 
 
-def test_docs_cli_is_what_the_program_says():
-    spec = importlib.util.spec_from_file_location("make_cli", ROOT / "docs" / "make_cli.py")
-    make_cli = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(make_cli)
-    assert (ROOT / "docs" / "cli.md").read_text() == make_cli.text(), "run: python docs/make_cli.py"
+@pytest.mark.parametrize(
+    ("maker", "made"), [("make_cli", "cli.md"), ("make_man", "planish.1"), ("make_schema", "report.schema.json")]
+)
+def test_what_is_made_from_the_program_is_current(maker, made):
+    spec = importlib.util.spec_from_file_location(maker, ROOT / "docs" / f"{maker}.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    assert (ROOT / "docs" / made).read_text() == module.text(), f"run: python docs/{maker}.py"
 
 
 def test_every_flag_in_the_prose_exists():
     flags = set(re.findall(r"--[a-z][a-z0-9.-]*", (ROOT / "docs" / "cli.md").read_text()))
-    other_programs = {"--help", "--version", "--no-overwrite"}
+    other_programs = {"--help", "--version", "--no-overwrite", *("--rm", "--user"), "--spec"}  # docker's, pipx's
     for page in PAGES:
         if page.name in ("benchmarks.md", "CONTRIBUTING.md"):  # these call scripts with flags of their own
             continue
@@ -38,6 +42,7 @@ def test_exit_codes_in_the_docs_are_the_real_ones():
     assert documented == real
     assert f"| {DID_NOT_SETTLE} |" in text
     assert f"| {INTERRUPTED} |" in text
+    assert f"| {TERMINATED} |" in text
 
 
 def test_everything_named_for_python_users_can_be_had_and_is_explained():
@@ -58,3 +63,14 @@ def test_links_between_pages_lead_somewhere(page):
 def test_the_version_is_the_same_everywhere():
     declared = re.search(r'^version = "(.+)"', (ROOT / "pyproject.toml").read_text(), re.M)
     assert declared.group(1) == planish.__version__
+
+
+def test_every_extra_is_explained():
+    declared = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    explained = re.findall(r"^\| `planish\[(\w+)\]` \|", (ROOT / "docs" / "install.md").read_text(), re.M)
+    assert set(explained) == set(declared)
+
+
+def test_every_name_for_python_users_is_in_the_reference():
+    shown = re.findall(r"^::: planish\.(\w+)$", (ROOT / "docs" / "api.md").read_text(), re.M)
+    assert set(shown) == set(planish.__all__)

@@ -11,11 +11,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planish.acquire.frames import check_frames
-from planish.acquire.gray_code import Codes, bits_for, decode, frame_count, patterns
-from planish.acquire.projector import check_fit, coarser, points_and_misses
-from planish.acquire.structured import from_gray_code
-from planish.acquire.sub_code import refined
+from planish.acquire.structured_light.frames import check_frames
+from planish.acquire.structured_light.gray_code import Codes, bits_for, decode, frame_count, patterns
+from planish.acquire.structured_light.projector import check_fit, coarser, points_and_misses
+from planish.acquire.structured_light.scan import from_gray_code
+from planish.acquire.structured_light.sub_code import refined
 from planish.acquire.triangulate import meet_plane, rays
 from planish.cli.main import run
 from planish.errors import InputError, UsageError

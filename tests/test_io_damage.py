@@ -2,6 +2,7 @@
 
 import io
 import json
+import struct
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,9 @@ from PIL import Image
 
 from planish.errors import InputError
 from planish.io.cameras import camera_as_json, read_camera
+from planish.io.captures import image_files
+from planish.io.depths import read_depths
+from planish.io.exif import focal_length_px
 from planish.io.gltf import read_gltf
 from planish.io.gltf_write import glb_bytes
 from planish.io.images import decode_grid, decode_photo
@@ -149,3 +153,59 @@ def test_random_bytes(read, data):
     starts = {read_obj: b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 ", read_ply: b"ply\nformat ", read_gltf: b"glTF\2\0\0\0"}
     for content in (data, starts[read] + data):
         read_or_refused(read, Path("sheet"), content)
+
+
+# Finds of the fuzzers (fuzz/), each with the least that shows it
+
+
+@pytest.mark.parametrize(("kind", "order"), [("jpeg", ">"), ("webp", "<")])
+def test_an_image_that_says_it_is_huge_is_refused_before_it_fills_the_memory(kind, order):
+    """A header of 236 megapixels on a file of some hundred bytes took a gigabyte and ten seconds."""
+    rows, cols = picture().shape[:2]
+    size = struct.pack(f"{order}HH", *((rows, cols) if kind == "jpeg" else (cols, rows)))
+    assert size in PHOTOS[kind]
+    with pytest.raises(InputError, match="no photo fits so many into"):
+        decode_photo("photo", PHOTOS[kind].replace(size, struct.pack(f"{order}H", 16_000) * 2))
+
+
+@pytest.mark.parametrize("kind", ["tiff", "16 bit png", "16 bit tiff"])
+def test_decoders_print_nothing(kind, capfd):
+    """Libtiff, libpng and Pillow's warnings each told of a damaged file in words of their own."""
+    good = PHOTOS[kind]
+    for k in range(8, len(good), max(1, len(good) // 60)):
+        data = good[:k] + bytes([good[k] ^ 0x55]) + good[k + 1 :]
+        read_or_refused(decode_photo, "photo", data)
+        focal_length_px(io.BytesIO(data))
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("kind", ["jpeg", "png"])
+def test_a_damaged_exif_does_not_damage_the_photo(kind):
+    good = {"jpeg": saved("JPEG", exif=b"Exif\0\0no TIFF at all"), "png": saved("PNG", exif=b"no TIFF at all")}[kind]
+    assert decode_photo("photo", good, upright=True).pixels.shape == picture().shape
+    assert focal_length_px(io.BytesIO(good)) is None
+
+
+@pytest.mark.parametrize("header", [b"{'descr': '<u2', 'shape': (", b"{'descr': \t0, [", b"{'descr': '\\x", b"("])
+def test_a_depth_map_whose_header_python_cannot_parse(tmp_path, header):
+    path = tmp_path / "depth.npy"
+    path.write_bytes(b"\x93NUMPY\1\0" + struct.pack("<H", len(header) + 1) + header + b"\n")
+    with pytest.raises(InputError, match="damaged or was cut short"):
+        read_depths([path])
+
+
+def test_digits_that_are_no_numbers_in_the_names_of_photos(tmp_path):
+    for name in ("x²", "x10", "x9"):  # ² is a digit to str.isdigit, and no number to int
+        Image.fromarray(picture()).save(tmp_path / f"{name}.png")
+    assert [path.stem for path in image_files([tmp_path])] == ["x9", "x10", "x²"]
+
+
+@pytest.mark.parametrize("place", [100, 107])
+def test_a_las_header_that_promises_millions_of_records_is_not_believed(place):
+    """The library made an object for each of four thousand million records that were not there."""
+    read_las = pytest.importorskip("planish.io.cloud_las").read_las
+    header = bytearray(b"LASF" + bytes(371))
+    header[24:26], header[105:107] = b"\1\2", struct.pack("<H", 26)
+    header[place : place + 4] = b"\xff\xff\xff\xff"
+    with pytest.raises(InputError, match="promises"):
+        read_las(Path("points.las"), bytes(header))

@@ -1,12 +1,16 @@
+import errno
 import json
 import os
+import threading
+import time
 
 import numpy as np
 import pytest
 
+from planish import memory
 from planish.errors import InputError, OutputError
 from planish.io import check_writable, make_folder, write_json
-from planish.io.files import all_or_nothing, read_bytes, write_bytes, writing, writing_folder
+from planish.io.files import all_or_nothing, files_in, is_folder, read_bytes, write_bytes, writing, writing_folder
 from planish.types import ScanReport
 
 
@@ -35,6 +39,46 @@ def test_a_name_that_no_system_takes_is_an_input_error():
         read_bytes("scan\0.obj")
     with pytest.raises(InputError):
         read_bytes("x" * 5000)
+
+
+def test_names_too_long_for_the_system_and_folders_that_may_not_be_read(tmp_path, monkeypatch):
+    with pytest.raises(InputError, match="too long"):
+        is_folder(tmp_path / ("x" * 300))
+    with pytest.raises(OutputError, match="too long"):
+        check_writable(tmp_path / ("x" * 300))
+    with pytest.raises(OutputError, match="too long"):
+        check_writable(tmp_path / ("x" * 300) / "page.tif")
+
+    def forbidden(folder):
+        raise PermissionError(errno.EACCES, "Permission denied")
+
+    monkeypatch.setattr(type(tmp_path), "iterdir", forbidden)  # root may read everywhere
+    with pytest.raises(InputError, match="Permission denied"):
+        files_in(tmp_path, {".png"})
+
+
+def test_a_pipe_is_read_to_its_end_however_slow(tmp_path):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    parts = [b"a" * 100_000, b"b" * 100_000]
+
+    def write_slowly():
+        with pipe.open("wb") as file:
+            for part in parts:
+                file.write(part)
+                file.flush()
+                time.sleep(0.05)
+
+    writer = threading.Thread(target=write_slowly)
+    writer.start()
+    assert read_bytes(pipe) == b"".join(parts)
+    writer.join()
+
+
+def test_a_device_without_end_is_refused(monkeypatch):
+    monkeypatch.setattr(memory, "free_bytes", lambda: 1e8)
+    with pytest.raises(InputError, match="is it the right file"):
+        read_bytes("/dev/zero")
 
 
 def test_read_bytes_accepts_a_file(tmp_path):
@@ -197,3 +241,20 @@ def test_one_that_fails_leaves_all_as_they_were(tmp_path, problem):
     assert names(tmp_path) == ["old"]
     write_bytes(tmp_path / "new", b"later")  # and afterwards files are written at once again
     assert names(tmp_path) == ["new", "old"]
+
+
+def test_files_of_a_block_within_a_block_wait_for_the_outer_one(tmp_path):
+    with all_or_nothing():
+        with all_or_nothing():
+            write_bytes(tmp_path / "a", b"1")
+        assert not (tmp_path / "a").exists()
+
+        def fails():
+            with all_or_nothing():
+                write_bytes(tmp_path / "b", b"1")
+                raise OutputError("it cannot be encoded")
+
+        with pytest.raises(OutputError, match="encoded"):
+            fails()
+        write_bytes(tmp_path / "c", b"1")
+    assert names(tmp_path) == ["a", "c"]

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from planish.acquire.boards import Board, board_pixels
-from planish.acquire.laser_axis import axis_of_boards, turned
-from planish.acquire.laser_board import planes_of_boards
-from planish.acquire.laser_lines import cylinder_of, from_laser_lines, on_cylinder, points_of, two_lines
-from planish.acquire.laser_rig import rig_of_squares
-from planish.acquire.squares import find_squares
+from planish.acquire.calibration.boards import Board, board_pixels
+from planish.acquire.laser.axis import axis_of_boards, turned
+from planish.acquire.laser.board import planes_of_boards
+from planish.acquire.laser.lines import cylinder_of, from_laser_lines, on_cylinder, points_of, two_lines
+from planish.acquire.laser.rig import rig_of_squares
+from planish.acquire.laser.squares import find_squares
 from planish.acquire.triangulate import rays
 from planish.cli.main import run
 from planish.errors import InputError

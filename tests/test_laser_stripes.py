@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from planish.acquire.stripes import find_stripes, laser_channel, print_of
+from planish.acquire.laser.stripes import find_stripes, laser_channel, print_of
 
 ROOM = 0.3
 FINE = 8  # places to a pixel, so that edges of ink and the line fall anywhere within pixels

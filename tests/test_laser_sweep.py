@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planish.acquire.laser import Sweep, from_laser, plane_of, planes_from_background, sweep_stripes
+from planish.acquire.laser.sweep import Sweep, from_laser, plane_of, planes_from_background, sweep_stripes
 from planish.cli.main import run
 from planish.errors import InputError
 from planish.gallery import sheet

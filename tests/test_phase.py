@@ -7,12 +7,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
 
-from planish.acquire import gray_code
-from planish.acquire.gray_code import decode, frame_count
-from planish.acquire.phase import HALF_BITS, PERIOD, patterns, phased, steps_among, with_code
-from planish.acquire.phase_frames import check_waves
-from planish.acquire.structured import from_gray_code, located
-from planish.acquire.sub_code import refined
+from planish.acquire.structured_light import gray_code
+from planish.acquire.structured_light.gray_code import decode, frame_count
+from planish.acquire.structured_light.phase import HALF_BITS, PERIOD, patterns, phased, steps_among, with_code
+from planish.acquire.structured_light.phase_frames import check_waves
+from planish.acquire.structured_light.scan import from_gray_code, located
+from planish.acquire.structured_light.sub_code import refined
 from planish.cli.main import run
 from planish.errors import InputError, UsageError
 from planish.gallery import sheet, typeset_sheet

@@ -54,6 +54,7 @@ def demo(
         flat=output / "flat.obj",
         report=output / "report.json",
         stages=output / "stages",
+        html=output / "view.html",
         quiet=quiet,
         verbose=not quiet,
     )

@@ -54,7 +54,7 @@ def flatten(
     from time import perf_counter
 
     from planish.cli.talk import progress, show
-    from planish.io import check_flat_name, check_writable, read_scan, write_flat, write_json
+    from planish.io import all_or_nothing, check_flat_name, check_writable, read_scan, write_flat, write_json
     from planish.job import with_files
     from planish.pipeline import restore
 
@@ -62,7 +62,7 @@ def flatten(
     outputs = [path for path in (output, report) if path is not None]
     for path in outputs:
         check_writable(path, overwrite=overwrite)
-    with progress(quiet=quiet) as tell:
+    with progress(quiet=quiet) as tell, all_or_nothing():
         start = perf_counter()
         tell("read", 0.0)
         found = read_scan(mesh, units=units)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from types import FrameType
 from typing import NoReturn
 
 from cyclopts import App, CycloptsError
@@ -12,10 +14,23 @@ from rich.console import Console
 
 from planish import __version__
 from planish.cli import acquire, calibrate
+from planish.cli.batch import batch
+from planish.cli.completion import install_completion
+from planish.cli.demo import demo
+from planish.cli.flatten import flatten
+from planish.cli.photo import photo
+from planish.cli.restore import restore
+from planish.cli.serve import serve
+from planish.cli.view import view
 from planish.errors import PlanishError, UsageError
+from planish.memory import free_bytes
 
 DID_NOT_SETTLE = 5
-INTERRUPTED = 130
+INTERRUPTED, TERMINATED = 130, 143
+"""128 and the number of the signal, as shells have it."""
+
+SCARCE = 300e6
+"""Bytes; with fewer, libraries fail in ways of their own: they cannot be loaded, or start no thread."""
 
 app = App(
     name="planish",
@@ -24,13 +39,18 @@ app = App(
     version_flags=["--version"],
     help_epilogue=(
         "Exit codes: 0 done; 2 bad command line; 3 input cannot be used; 4 output cannot be written; 5 the sheet did "
-        "not settle (the result is still written); 6 an optional part is not installed; 130 interrupted."
+        "not settle (the result is still written); 6 an optional part is not installed; 130 interrupted; 143 "
+        "terminated."
     ),
 )
-app.command("planish.cli.demo:demo")
-app.command("planish.cli.restore:restore")
-app.command("planish.cli.flatten:flatten")
-app.command("planish.cli.photo:photo")
+app.command(install_completion)
+app.command(demo)
+app.command(restore)
+app.command(batch)
+app.command(flatten)
+app.command(photo)
+app.command(view)
+app.command(serve)
 app.command(acquire.app)
 app.command(calibrate.app)
 
@@ -38,23 +58,26 @@ app.command(calibrate.app)
 def main(arguments: list[str] | None = None) -> NoReturn:
     """Run the command line and leave with its exit code.
 
-    The work is done by a second thread, so that Ctrl-C is heard at once, also in the middle of a long kernel, and never
-    raises an exception inside compiled code, which may not survive it.
+    The work is done by a second thread, so that signals (Ctrl-C, SIGTERM) are heard at once, also in the middle of a
+    long kernel, and never raise an exception inside compiled code, which may not survive it.
     """
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(number) is not signal.SIG_IGN:  # as it is in the background, or under nohup
+            signal.signal(number, _leave)
+    if (sys.argv[1:] if arguments is None else arguments)[:1] == ["serve"]:  # a server hears signals by itself
+        sys.exit(run(arguments))
     with ThreadPoolExecutor(1) as worker:
-        try:
-            sys.exit(worker.submit(run, arguments).result())
-        except KeyboardInterrupt:
-            _leave()
+        sys.exit(worker.submit(run, arguments).result())
 
 
-def _leave() -> NoReturn:
+def _leave(number: int, frame: FrameType | None) -> NoReturn:
     """End the process as it is, without waiting for the work, but with the disk and the terminal tidy."""
     from planish.io.files import drop_unfinished
 
     drop_unfinished()
     Console(stderr=True).show_cursor()
-    os._exit(_fail(INTERRUPTED, "interrupted; nothing was half-written"))
+    how = "interrupted" if number == signal.SIGINT else f"ended by {signal.Signals(number).name}"
+    os._exit(_fail(128 + number, f"{how}; nothing was half-written"))
 
 
 def run(arguments: list[str] | None = None) -> int:
@@ -72,8 +95,10 @@ def run(arguments: list[str] | None = None) -> int:
     except BrokenPipeError:  # the reader of our output has gone, as `planish ... | head` does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
-    except MemoryError:
-        return _fail(3, "there is not enough memory for this scan; give --points, or a smaller photo")
+    except Exception as problem:
+        if not isinstance(problem, MemoryError) and free_bytes() > SCARCE:
+            raise
+        return _fail(3, "there is not enough memory for this; give a smaller mesh or photo, or close other programs")
 
 
 def _fail(code: int, sentence: str) -> int:

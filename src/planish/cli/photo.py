@@ -62,6 +62,7 @@ def photo(
     from planish.cli.talk import progress, show
     from planish.errors import UsageError
     from planish.io import (
+        all_or_nothing,
         check_page_name,
         check_writable,
         focal_length_px,
@@ -86,7 +87,7 @@ def photo(
     if binary is None and stages is None:
         binarizing = replace(binarizing, binarize="none")
     settings = RestoreSettings(render=drawing, shading=shading, binarize=binarizing, rotate=rotate)
-    with progress(quiet=quiet) as tell:
+    with progress(quiet=quiet) as tell, all_or_nothing():
         start = perf_counter()
         tell("read", 0.0)
         taken = read_photo(photo, upright=True)

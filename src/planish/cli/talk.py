@@ -28,7 +28,11 @@ WORDS = {
     "measure": "Measuring",
     "text": "Reading the text",
     "write": "Writing",
+    "look": "Making a page to look at",
 }
+
+LONG = 5.0
+"""Seconds of compiling that are worth a word."""
 
 
 @contextmanager
@@ -37,14 +41,31 @@ def progress(*, quiet: bool) -> Iterator[Callable[[str, float], None]]:
     if quiet or not sys.stderr.isatty():
         yield lambda name, share: None
         return
+    from numba.core.event import TimingListener, install_listener
+
+    class Compiling(TimingListener):
+        """Told by numba when it compiles a kernel: on the first run, for a minute in all."""
+
+        def on_start(self, event: object) -> None:
+            super().on_start(event)
+            bars.update(task, description=f"{stage} (compiling, on the first run only)")
+
+    stage = ""
     columns = (TextColumn("{task.description:<22}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bars:
+    console = Console(stderr=True, highlight=False, soft_wrap=True)
+    compiling = Compiling()
+    bars = Progress(*columns, console=console, transient=True, redirect_stdout=False, redirect_stderr=False)
+    with bars, install_listener("numba:compile", compiling):
         task = bars.add_task("", total=1.0)
 
         def tell(name: str, share: float) -> None:
-            bars.update(task, description=WORDS.get(name, name), completed=share)
+            nonlocal stage
+            stage = WORDS.get(name, name)
+            bars.update(task, description=stage, completed=share)
 
         yield tell
+    if compiling.done and compiling.duration > LONG:
+        console.print(f"planish: note: {compiling.duration:.0f} s of this went into compiling, which happens only once")
 
 
 def show(report: Report, written: list[str], *, quiet: bool, verbose: bool) -> None:

@@ -1,0 +1,1 @@
+"""Cameras and projectors from photos of a board."""

@@ -1,0 +1,267 @@
+"""Cameras and projectors calibrated from photos of a board."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from planish.acquire.calibration.boards import FEWEST, Board, corner_places, find_corners
+from planish.acquire.structured_light.gray_code import Grey
+from planish.acquire.structured_light.scan import located
+from planish.errors import InputError
+from planish.types import Camera, Floats
+
+FEWEST_PHOTOS = 4
+
+ALIKE_DEG = 12.0
+"""Two of the board's poses must differ by at least this angle, or focal length and distance cannot be told apart."""
+
+SURE = 0.01
+"""Standard deviation of the focal length, in parts of it, up to which a calibration is one."""
+
+ODD_PX = 3.0
+"""A photo whose error is so many times the median (and over a pixel) is left out."""
+
+AROUND = 0.45
+"""Of a square: as far around a corner the projector's code is looked up."""
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """A calibrated camera or projector, and how well it explains the photos.
+
+    Attributes
+    ----------
+    camera : Camera
+    errors_px : (n,) float64
+        Rms distance of the corners from where the calibration puts them, for each photo.
+    rms_px : float
+    focal_sd : float
+        Standard deviation of the focal length, in parts of it, as the corners' scatter tells.
+    poses : list of ((3, 3), (3,)) float64
+        Rotation and translation [mm] of the board in each photo, into the device's frame.
+    corners : list of (k, 2) float64 [px]
+        As found.
+    warnings : tuple of str
+    """
+
+    camera: Camera
+    errors_px: Floats
+    rms_px: float
+    focal_sd: float
+    poses: list[tuple[Floats, Floats]]
+    corners: list[Floats]
+    warnings: tuple[str, ...] = ()
+
+
+def calibrate_camera(
+    photos: Sequence[NDArray[np.uint8]], board: Board, names: Sequence[str] | None = None
+) -> Calibration:
+    """Calibrate a camera from photos of a board in different poses.
+
+    Focal lengths, principal point and OpenCV's k1 k2 p1 p2 are found (k3 stays 0: it needs corners at the very rim).
+
+    Parameters
+    ----------
+    photos : sequence of (rows, cols) uint8
+    board : Board
+    names : sequence of str, optional
+        Of the photos, for messages.
+
+    Raises
+    ------
+    InputError
+        If the photos differ in size, the board is found in fewer than four, or its poses are too alike.
+    """
+    names = list(names or (f"photo {k + 1}" for k in range(len(photos))))
+    _check_sizes(photos, names)
+    found = [find_corners(board, photo) for photo in photos]
+    lost = [name for name, one in zip(names, found, strict=True) if one is None]
+    seen = [one for one in found if one is not None]
+    if len(seen) < FEWEST_PHOTOS:
+        raise InputError(
+            f"the board of {board.columns} x {board.rows} squares ({board.kind}) was found in {len(seen)} of "
+            f"{len(photos)} photos; at least {FEWEST_PHOTOS}, and better 10 or more, are wanted. Is it sharp, and are "
+            "the numbers of its squares right?"
+        )
+    warnings = [f"the board was not found in {', '.join(lost)}"] if lost else []
+    places = [corner_places(board)[rows_of] for rows_of, _ in seen]
+    return _calibrated(places, [xy for _, xy in seen], photos[0].shape, warnings)[0]
+
+
+def calibrate_projector(
+    captures: Sequence[Grey], board: Board, camera: Camera, shape_rc: tuple[int, int]
+) -> Calibration:
+    """Calibrate a projector from photos of a board under its Gray code, by a calibrated camera that stands still.
+
+    The board's corners are found in the photo under white; the code around each corner tells, through a local
+    homography, where on the projector it lies (Moreno and Taubin 2012). So the projector is calibrated as a camera
+    that sees the board.
+
+    Parameters
+    ----------
+    captures : sequence of (n, rows, cols) uint8
+        For each pose of the board the frames as for `structured.located`.
+    board : Board
+    camera : Camera
+        Its frame becomes the world's.
+    shape_rc : (int, int)
+        Rows and columns of the projector.
+
+    Returns
+    -------
+    Calibration
+        Of the projector, in the camera's world.
+    """
+    places, on_camera, on_projector, lost = [], [], [], []
+    for k, frames in enumerate(captures):
+        if frames.shape[1:] != tuple(camera.shape_rc):
+            raise InputError(
+                f"pose {k + 1}: the photos are {frames.shape[2]} x {frames.shape[1]} pixels, but the camera's numbers "
+                f"are for {camera.shape_rc[1]} x {camera.shape_rc[0]}; give the calibration of this camera at this size"
+            )
+        try:
+            code = located(frames, shape_rc).place
+        except InputError as problem:
+            raise InputError(f"pose {k + 1}: {problem}") from None
+        found = find_corners(board, _eight_bit(frames[-2]))
+        lit = None if found is None else _on_projector(code, found[1], _square_px(found, board))
+        if found is None or lit is None or np.isfinite(lit[:, 0]).sum() < FEWEST:
+            lost.append(str(k + 1))
+            continue
+        known = np.isfinite(lit[:, 0])
+        places.append(corner_places(board)[found[0][known]])
+        on_camera.append(found[1][known])
+        on_projector.append(lit[known])
+    if len(places) < FEWEST_PHOTOS:
+        raise InputError(
+            f"the board was found, and lit by the projector, in {len(places)} of {len(captures)} poses; at least "
+            f"{FEWEST_PHOTOS} are wanted. Is it in the view of both, and are the numbers of its squares right?"
+        )
+    warnings = [f"the board was not found in pose {', '.join(lost)}"] if lost else []
+    alone, kept = _calibrated(places, on_projector, shape_rc, warnings)
+    return _beside(camera, alone, [places[k] for k in kept], [on_camera[k] for k in kept])
+
+
+def _calibrated(
+    places: list[Floats], corners: list[Floats], shape_rc: tuple[int, ...], warnings: list[str]
+) -> tuple[Calibration, list[int]]:
+    """Calibrate from corners, leave out photos that do not fit the others, and refuse what is not certain.
+
+    Returns
+    -------
+    Calibration, and the numbers of the photos that it rests on.
+    """
+    result = _solve(places, corners, shape_rc)
+    kept = list(range(len(places)))
+    odd = result.errors_px > max(ODD_PX * float(np.median(result.errors_px)), 1.0)
+    if odd.any() and (~odd).sum() >= FEWEST_PHOTOS:
+        warnings = [*warnings, f"{odd.sum()} photos do not fit the others and were left out; was the board bent there?"]
+        kept = [k for k in kept if not odd[k]]
+        result = _solve([places[k] for k in kept], [corners[k] for k in kept], shape_rc)
+    normals = np.array([rotation[:, 2] for rotation, _ in result.poses])
+    turn = float(np.degrees(np.arccos(np.clip((normals @ normals.T).min(), -1, 1))))
+    if turn < ALIKE_DEG or result.focal_sd > SURE:
+        raise InputError(
+            f"the board's poses are too alike: it turns by at most {turn:.0f} degrees from photo to photo (over "
+            f"{ALIKE_DEG:g} are wanted) and the focal length is known to {100 * result.focal_sd:.1f} % only (1 % is "
+            "wanted); tilt the board by 20 to 40 degrees to all sides, and fill the view with it"
+        )
+    return replace(result, warnings=tuple(warnings)), kept
+
+
+def _solve(places: list[Floats], corners: list[Floats], shape_rc: tuple[int, ...]) -> Calibration:
+    rows, cols = shape_rc[:2]
+    start = np.array([[1.2 * cols, 0, (cols - 1) / 2], [0, 1.2 * cols, (rows - 1) / 2], [0, 0, 1]])
+    rms, matrix, lens, turns, shifts, deviations, _, errors = cv2.calibrateCameraExtended(
+        [p.astype(np.float32) for p in places],
+        [xy.astype(np.float32)[:, None] for xy in corners],
+        (cols, rows),
+        start,
+        np.zeros(5),
+        flags=cv2.CALIB_FIX_K3,
+    )
+    poses = [(cv2.Rodrigues(r)[0], np.ravel(t)) for r, t in zip(turns, shifts, strict=True)]
+    focal_sd = float(np.ravel(deviations)[:2].max() / matrix[0, 0])
+    camera = Camera(matrix, np.eye(3), np.zeros(3), (rows, cols), np.ravel(lens)[:4])
+    return Calibration(camera, np.ravel(errors), float(rms), focal_sd, poses, corners)
+
+
+def _beside(camera: Camera, found: Calibration, places: list[Floats], on_camera: list[Floats]) -> Calibration:
+    """The projector put into the camera's world: the turn and shift that carry the board's poses from one to the other.
+
+    First their mean over the poses, then least squares over all corners as both see them.
+    """
+    from scipy.optimize import least_squares
+
+    poses = [_pose(camera, place, xy) for place, xy in zip(places, on_camera, strict=True)]
+    turns = [r @ rc.T for (r, _), (rc, _) in zip(found.poses, poses, strict=True)]
+    u, _, vt = np.linalg.svd(np.sum(turns, axis=0))
+    rotation = u @ vt
+    shift = np.mean([t - rotation @ tc for (_, t), (_, tc) in zip(found.poses, poses, strict=True)], axis=0)
+    start = np.concatenate([np.ravel(cv2.Rodrigues(rotation)[0]), shift])
+    space = np.concatenate([place @ r.T + t for place, (r, t) in zip(places, poses, strict=True)])
+    lit = np.concatenate(found.corners)
+
+    def misses(x: Floats) -> Floats:
+        xy, _ = cv2.projectPoints(space, x[:3], x[3:], found.camera.matrix, found.camera.distortion)
+        return np.asarray(xy.reshape(-1, 2) - lit).ravel()
+
+    x = least_squares(misses, start, x_scale=np.array([1e-3] * 3 + [1.0] * 3), loss="soft_l1").x
+    lamp = found.camera
+    turn = cv2.Rodrigues(x[:3])[0]
+    put = replace(lamp, rotation=turn @ camera.rotation, translation=turn @ np.ravel(camera.translation) + x[3:])
+    rms = float(np.sqrt((misses(x).reshape(-1, 2) ** 2).sum(axis=1).mean()))
+    return replace(found, camera=put, rms_px=rms)
+
+
+def _pose(camera: Camera, place: Floats, xy: Floats) -> tuple[Floats, Floats]:
+    _, turn, shift = cv2.solvePnP(place, np.ascontiguousarray(xy), camera.matrix, camera.distortion)
+    turn, shift = cv2.solvePnPRefineLM(place, np.ascontiguousarray(xy), camera.matrix, camera.distortion, turn, shift)
+    return cv2.Rodrigues(turn)[0], np.ravel(shift)
+
+
+def _on_projector(code: Floats, corners: Floats, square_px: float) -> Floats:
+    """Where corners of the camera's photo lie on the projector, (k, 2) [projector px]; NaN where it did not light.
+
+    Code (rows, cols, 2) is where the camera's pixels lie on it.
+    """
+    known = np.argwhere(np.isfinite(code).all(axis=2))[:, ::-1].astype(np.float64)
+    reach = max(4.0, AROUND * square_px)
+    places = np.full((len(corners), 2), np.nan)
+    for k, corner in enumerate(corners):
+        near = known[(np.abs(known - corner) < reach).all(axis=1)]
+        if len(near) < 30:
+            continue
+        lit = code[near[:, 1].astype(int), near[:, 0].astype(int)]
+        homography, _ = cv2.findHomography(near - corner, lit, cv2.LMEDS)
+        if homography is not None:
+            places[k] = homography[:2, 2] / homography[2, 2]
+    return places
+
+
+def _square_px(found: tuple[NDArray[np.intp], Floats], board: Board) -> float:
+    """Side of the board's squares in the photo: distance of corners that are neighbours in a row, the median."""
+    rows_of, xy = found
+    neighbours = (np.diff(rows_of) == 1) & (rows_of[1:] % (board.columns - 1) != 0)
+    sides = np.linalg.norm(np.diff(xy, axis=0), axis=1)[neighbours]
+    return float(np.median(sides)) if len(sides) else 20.0
+
+
+def _check_sizes(photos: Sequence[NDArray[np.uint8]], names: Sequence[str]) -> None:
+    for photo, name in zip(photos, names, strict=True):
+        if photo.shape != photos[0].shape:
+            raise InputError(
+                f"{name} is {photo.shape[1]} x {photo.shape[0]} pixels, {names[0]} {photos[0].shape[1]} x "
+                f"{photos[0].shape[0]}; give photos of one camera at one setting"
+            )
+
+
+def _eight_bit(grey: Grey) -> NDArray[np.uint8]:
+    if grey.dtype == np.uint8:
+        return np.asarray(grey, np.uint8)
+    return (grey.astype(np.float32) * (255.0 / max(float(grey.max()), 1.0))).astype(np.uint8)

@@ -1,0 +1,173 @@
+"""Where two fixed lasers lie, from one photo of their lines on squared paper, which may be bent like an open book."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.spatial import cKDTree
+
+from planish.acquire.laser.lines import axes_of, on_cylinder, points_of, profile_gap, profiled, two_lines
+from planish.acquire.laser.squares import Squares, find_squares
+from planish.acquire.triangulate import rays
+from planish.errors import InputError
+from planish.types import Camera, Floats, Pixels
+
+CENTRED = 0.02
+"""Of the focal length: how far a lens's axis is usually off the photo's middle. It counts as one corner of a square
+does, so that it decides only where the squares do not, as on flat paper."""
+
+FIT = 0.05
+"""Squares: corners farther from their places count less."""
+
+GOOD_FIT = 0.4
+"""Rms distance, in squares, of the corners from their places, above which the lasers are not found."""
+
+
+class LaserRig(NamedTuple):
+    """Two lasers, and how well the squares came out with them.
+
+    Attributes
+    ----------
+    camera : Camera
+        As it was given, or with the lens's distortion and principal point that were found.
+    planes : (2, 4) float64
+        Upper and lower, a x + b y + c z + d = 0 [mm] in the camera's world.
+    rms_squares : float
+        Distance of the unrolled corners from those of a true lattice, in squares.
+    corners : int
+    """
+
+    camera: Camera
+    planes: Floats
+    rms_squares: float
+    corners: int
+
+
+def rig_of_squares(
+    lit: Pixels, photo: Pixels | None, camera: Camera, square_mm: float, *, lens: bool = False
+) -> LaserRig:
+    """Find the planes of two lasers by which squared paper comes out squared.
+
+    Seen down its rulings paper is not foreshortened, so a square's height on the photo tells how far away it is:
+    that is the start. Then the planes and the direction of the rulings are improved until the unrolled corners are
+    the corners of a lattice, and both lines have one profile (least squares).
+
+    Parameters
+    ----------
+    lit : (rows, cols, 3) uint8 or uint16
+        Squared paper, flat or bent like a book, with both lines across it.
+    photo : (rows, cols, 3) uint8 or uint16, optional
+        The same view with the lasers off.
+    camera : Camera
+    square_mm : float
+        Side of a square.
+    lens : bool
+        Also find the lens's first radial distortion (OpenCV's k1) and the principal point, where the camera is known by
+        its focal length alone.
+
+    Raises
+    ------
+    InputError
+        If there are no squares, no lines, or no planes that fit both.
+    """
+    if lit.shape[:2] != tuple(camera.shape_rc):
+        raise InputError(
+            f"the photo is {lit.shape[1]} x {lit.shape[0]} pixels, but the camera's numbers are for "
+            f"{camera.shape_rc[1]} x {camera.shape_rc[0]}; give the calibration of this camera at this size"
+        )
+    at = two_lines(lit, photo)
+    lattices = find_squares(lit if photo is None else photo)
+    if not lattices:
+        raise InputError("no squares are seen on the photo; a sheet of squared paper, its lines upright, is wanted")
+    still = replace(camera, rotation=np.eye(3), translation=np.zeros(3))
+
+    start = [_start(at[:, line], still, lattices) for line in range(2)]
+    depth = float(np.mean([middle for _, middle in start]))
+
+    def misses(guess: Floats) -> Floats:
+        seen_by = _with_lens(still, guess[8:])
+        upper, lower = points_of(at, seen_by, _planes(guess, depth))
+        axes = axes_of(still, guess[6:8])
+        cylinder = profiled(upper, lower, np.zeros(3), axes)
+        off = [_off_lattice(on_cylinder(cylinder, rays(seen_by, s.xy)[0])[1], s) for s in lattices]
+        usual = guess[9:] / CENTRED * FIT
+        return np.concatenate([usual, profile_gap(upper, lower, np.zeros(3), axes), *(part.ravel() for part in off)])
+
+    guess = np.concatenate([_about(plane, depth) for plane, _ in start] + [np.zeros(2 + 3 * lens)])
+    room = np.array(2 * [0.3, 0.7, 0.3 * depth] + [0.3, 0.3] + lens * [0.4, 0.1, 0.1])
+    bounds = guess - room, guess + room
+    best = least_squares(misses, guess, bounds=bounds, x_scale=room, loss="soft_l1", f_scale=FIT, max_nfev=60).x
+    corners = sum(len(squares.xy) for squares in lattices)
+    off = misses(best)[-2 * corners :]
+    rms = float(np.sqrt(2 * np.mean(off**2)))
+    if not rms < GOOD_FIT:
+        raise InputError(
+            f"with the best planes of the lasers the squares' corners are still {rms:.2f} squares rms off a lattice; "
+            "is this the camera's calibration, and the sheet bent along one direction only?"
+        )
+    planes = _planes(best, depth)
+    planes[:, 3] *= square_mm
+    # from the camera into its world: n.(R x + t) + d
+    world = np.column_stack(
+        [planes[:, :3] @ camera.rotation, planes[:, :3] @ np.ravel(camera.translation) + planes[:, 3]]
+    )
+    return LaserRig(_with_lens(camera, best[8:]), world, rms, corners)
+
+
+def _with_lens(camera: Camera, lens: Floats) -> Camera:
+    """The camera with k1, and with a principal point moved by parts of the focal length; as it is if none are given."""
+    if not len(lens):
+        return camera
+    matrix = camera.matrix.copy()
+    matrix[:2, 2] += lens[1:] * np.diag(matrix)[:2]
+    return replace(camera, matrix=matrix, distortion=np.array([lens[0], 0.0, 0, 0]))
+
+
+def _planes(guess: Floats, depth: float) -> Floats:
+    """Planes (2, 4) from y = p x + q (z - depth) + r each, in squares."""
+    planes = np.array([[p, -1.0, q, r - q * depth] for p, q, r in (guess[:3], guess[3:6])])
+    return np.asarray(planes / np.linalg.norm(planes[:, :3], axis=1, keepdims=True))
+
+
+def _about(plane: Floats, depth: float) -> Floats:
+    """p, q, r of y = p x + q (z - depth) + r from those of y = p x + q z + r."""
+    return plane + [0, 0, plane[1] * depth]
+
+
+def _start(at: Floats, camera: Camera, lattices: list[Squares]) -> tuple[Floats, float]:
+    """p, q, r of y = p x + q z + r [squares] through a line's points, and the middle of their depths.
+
+    The depths come from the height of the squares around them.
+    """
+    places, depth = [], []
+    for squares in lattices:
+        row = {(i, j): k for k, (i, j) in enumerate(squares.ij.tolist())}
+        pairs = np.array([(k, row[i, j + 1]) for (i, j), k in row.items() if (i, j + 1) in row])
+        a, b = squares.xy[pairs[:, 0]], squares.xy[pairs[:, 1]]
+        places.append((a + b) / 2)
+        depth.append(camera.matrix[1, 1] / np.linalg.norm(b - a, axis=1))
+    known = np.isfinite(at)
+    xy = np.column_stack([np.flatnonzero(known), at[known]])
+    off, near = cKDTree(np.concatenate(places)).query(xy, k=8)
+    z = np.median(np.concatenate(depth)[near], axis=1)
+    close = off[:, 0] < np.median(off[:, 0]) * 4
+    directions, _ = rays(camera, xy[close])
+    points = directions * (z[close] / directions[:, 2])[:, None]
+    basis = np.column_stack([points[:, 0], points[:, 2], np.ones(len(points))])
+    return np.linalg.lstsq(basis, points[:, 1])[0], float(np.median(points[:, 2]))
+
+
+def _off_lattice(flat: Floats, squares: Squares) -> Floats:
+    """Unrolled corners (n, 2) less those of a lattice of unit squares, turned and shifted to fit best; 0 if unknown."""
+    known = np.isfinite(flat).all(axis=1)
+    off = np.zeros_like(flat)
+    if known.sum() < 3:
+        return off
+    got, true = flat[known], squares.ij[known].astype(np.float64)
+    got, true = got - got.mean(axis=0), true - true.mean(axis=0)
+    u, _, vt = np.linalg.svd(true.T @ got)
+    off[known] = got - true @ (u @ np.diag([1, np.sign(np.linalg.det(u @ vt))]) @ vt)
+    return off

@@ -1,0 +1,326 @@
+"""A laser line swept over the sheet: every photo a line of points, all of them together one scan."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planish.acquire.grid_mesh import Acquired, grid_mesh
+from planish.acquire.laser.stripes import Direction, find_stripes, laser_channel, print_of
+from planish.acquire.laser.sweep_grid import cell_of, gridded
+from planish.acquire.laser.sweep_order import check_order
+from planish.acquire.paper import sheet_mask
+from planish.acquire.range_image.depth import back_projected, on_mask
+from planish.acquire.triangulate import meet_plane, rays
+from planish.errors import InputError
+from planish.mesh import depths, project
+from planish.types import Bools, Camera, Floats, Pixels, Scan
+
+ENOUGH = 500
+"""Rows, or columns, to tell the lines' direction from."""
+
+SEEN_SHARE = 0.02
+"""Of a photo's rows in which a line must be found for the photo to show the laser at all."""
+
+TOO_CLIPPED, CLIPPED_MUCH = 0.7, 0.35
+"""Part of the line's pixels in which the sensor is full: refused, and warned of."""
+
+UNSURE = 6.0
+"""Crossings with more than so many times the usual standard deviation are left out: half a line at the sheet's edge."""
+
+FEWEST_ON_WALL = 10
+"""Rows in which a line must be seen on each known plane of the background."""
+
+WALL_MISFIT = 0.005
+"""Rms, in parts of the lit stretch, by which a line on the background may miss one plane."""
+
+Tell = Callable[[str, float], None]
+
+
+class Sweep(NamedTuple):
+    """Where the laser lines cross the rows (or columns) of every photo.
+
+    Attributes
+    ----------
+    at, sd : (frames, count, lines) float32 [px]
+        Place and its standard deviation; NaN where no line was found.
+    along : {"rows", "columns"}
+    warnings : list of str
+    """
+
+    at: Floats
+    sd: Floats
+    along: Direction
+    warnings: list[str]
+
+
+def sweep_stripes(
+    frame: Callable[[int], Pixels],
+    names: list[str],
+    photo: Pixels,
+    *,
+    lines: int = 1,
+    divide: bool = True,
+    tell: Tell = lambda name, share: None,
+) -> Sweep:
+    """Find the laser in every photo of a sweep; one photo is in memory at a time.
+
+    Parameters
+    ----------
+    frame : callable
+        Number of the frame, from 0 -> photo (rows, cols, 3) uint8 or uint16.
+    names : list of str
+        Of the frames, for messages.
+    photo : (rows, cols, 3) uint8 or uint16
+        The same view with the laser off.
+    lines : int
+        Laser lines in each photo.
+    divide : bool
+        Whether the print is divided out; only to measure what that is worth.
+    tell : callable
+        Told the stage's name and the share that is done.
+
+    Raises
+    ------
+    InputError
+        If photos differ in size, or show no laser, or are clipped.
+    """
+    middle = frame(len(names) // 2)
+    _check_size(middle, names[len(names) // 2], photo)
+    channel = laser_channel(middle, photo)
+    along = _direction(middle, photo, channel, lines)
+    del middle  # 36 MB that the peak does not need
+    off = print_of(photo, channel, along, divide=divide)
+    found = np.full((2, len(names), len(off.light), lines), np.nan, np.float32)
+    clipped = np.zeros(len(names))
+    for k, name in enumerate(names):
+        lit = frame(k)
+        _check_size(lit, name, photo)
+        stripes = find_stripes(lit, off, channel, along, lines=lines)
+        found[:, k] = stripes.at, stripes.sd
+        clipped[k] = stripes.clipped_share
+        tell("laser", (k + 1) / len(names))
+    warnings: list[str] = []
+    _check_exposure(clipped, names, warnings)  # first: a line that is clipped all over is not found
+    _check_seen(found[0], names, warnings)
+    return Sweep(found[0], found[1], along, warnings)
+
+
+def from_laser(
+    sweep: Sweep,
+    names: list[str],
+    photo: Pixels,
+    camera: Camera,
+    planes: Floats,
+    *,
+    mask: Bools | str | None = "auto",
+) -> Acquired:
+    """Make a scan from a sweep: every crossing of a line and a row lies where the pixel's ray meets the laser's plane.
+
+    The points of all photos are brought onto a grid of the camera's pixels, one in so many as the line moves from
+    photo to photo: at each grid point a surface, bent only across the lines, is fitted to the inverse depths around it,
+    which on a flat surface are linear over the photo.
+
+    Parameters
+    ----------
+    sweep : Sweep
+        From `sweep_stripes`.
+    names : list of str
+    photo : (rows, cols, 3) uint8 or uint16
+        With the laser off: the scan's photo.
+    camera : Camera
+    planes : (frames, lines, 4) float64
+        a x + b y + c z + d = 0 [mm] of every line, lines from left to right (top to bottom) on the photo.
+    mask : (rows, cols) bool, "auto" or None
+        Where on the photo the sheet is. auto: bright paper on darker ground, if it stands out; None: everywhere.
+
+    Raises
+    ------
+    InputError
+        If the camera's numbers are for another size, planes and photos do not belong together, or nothing is seen.
+    """
+    _check_camera(photo, camera)
+    sweep = sweep._replace(at=np.where(sweep.sd > UNSURE * np.nanmedian(sweep.sd), np.float32(np.nan), sweep.at))
+    inverse = _inverse_depths(sweep, camera, planes)
+    check_order(sweep, camera, planes, inverse, names)
+    cell = cell_of(sweep)
+    depth, agree, noise = gridded(sweep, inverse, camera, cell)
+    if sweep.along == "columns":
+        depth, agree, noise = depth.T, agree.T, noise.T
+    coarse = coarser(camera, cell, depth.shape)
+    points = back_projected(coarse, depth)
+    sheet, said = sheet_mask(photo, mask)
+    if sheet is not None:
+        points = on_mask(points, camera, sheet)
+    noise_mm = float(np.nanmedian(np.where(np.isfinite(points[..., 0]), noise, np.nan)))
+    mesh, pixel_xy = grid_mesh(points, coarse, noise_mm=noise_mm)
+    column, row = pixel_xy.astype(int).T
+    scan = Scan(mesh, photo, project(camera, mesh.points), camera)
+    return Acquired(scan, agree[row, column], noise_mm, (*sweep.warnings, *said))
+
+
+def planes_from_background(sweep: Sweep, names: list[str], camera: Camera, known: Floats, regions: Floats) -> Floats:
+    """Find each photo's laser plane from where its line falls on two known planes beside the sheet.
+
+    Parameters
+    ----------
+    sweep : Sweep
+        Of one line a photo.
+    names : list of str
+    camera : Camera
+    known : (k, 4) float64
+        Planes of the background [mm]; at least two that are not one plane.
+    regions : (k, 4) float64 [photo px]
+        Left, top, right and bottom of the part of the photos in which the laser falls on each.
+
+    Returns
+    -------
+    (frames, 1, 4) float64
+
+    Raises
+    ------
+    InputError
+        If a line is not seen on both, or what is seen does not lie in one plane.
+    """
+    planes = np.empty((len(names), 1, 4))
+    for k, name in enumerate(names):
+        xy = crossings_xy(sweep.at[k, :, 0], sweep.along)
+        directions, eye = rays(camera, xy)
+        points = []
+        for plane, (left, top, right, bottom) in zip(known, regions, strict=True):
+            inside = ((xy >= [left, top]) & (xy <= [right, bottom])).all(axis=1)
+            if inside.sum() < FEWEST_ON_WALL:
+                raise InputError(
+                    f"in {name} the laser is seen in {inside.sum()} rows of the background's region [{left:g}, "
+                    f"{top:g}, {right:g}, {bottom:g}]; at least {FEWEST_ON_WALL} are wanted. Leave the photo out, or "
+                    "correct the region"
+                )
+            points.append(meet_plane(eye, directions[inside], plane))
+        planes[k, 0], rms = plane_of(np.concatenate(points))
+        size = float(np.linalg.norm(np.ptp(np.concatenate(points), axis=0)))
+        if not rms < WALL_MISFIT * size:
+            raise InputError(
+                f"in {name} what the laser lights on the background is {rms:.2f} mm rms off one plane; are its planes "
+                "those of this setup, and is this the calibration of this camera?"
+            )
+    return planes
+
+
+def plane_of(points: Floats) -> tuple[Floats, float]:
+    """The plane (4,) through points (n, 3) that is least far from them, and their distance from it, rms [mm].
+
+    One point in a hundred may be far off: those beyond three times the rms are left out once.
+    """
+    points = points[np.isfinite(points).all(axis=1)]
+    plane, rms = np.full(4, np.nan), np.inf
+    for _ in range(2):
+        middle = points.mean(axis=0)
+        normal = np.linalg.svd(points - middle, full_matrices=False)[2][2]
+        off = (points - middle) @ normal
+        plane, rms = np.array([*normal, -normal @ middle]), float(np.sqrt((off**2).mean()))
+        points = points[np.abs(off) <= max(3 * rms, 1e-9)]
+    return plane, rms
+
+
+def coarser(camera: Camera, cell: int, shape_rc: tuple[int, ...]) -> Camera:
+    """The camera with pixels `cell` times as large, their centres at integers again."""
+    matrix = camera.matrix.copy()
+    matrix[:2] /= cell
+    matrix[:2, 2] -= (cell - 1) / 2 / cell
+    return replace(camera, matrix=matrix, shape_rc=(shape_rc[0], shape_rc[1]))
+
+
+def crossings_xy(at: Floats, along: Direction) -> Floats:
+    """Photo places (count, 2) of one line's crossings (count,) with rows or columns."""
+    count = np.arange(len(at), dtype=np.float64)
+    return np.column_stack([at, count] if along == "rows" else [count, at]).astype(np.float64)
+
+
+def _inverse_depths(sweep: Sweep, camera: Camera, planes: Floats) -> Floats:
+    """1 / depth of every crossing, (frames, count, lines) [1/mm]; NaN where the plane is not before the camera."""
+    inverse = np.full(sweep.at.shape, np.nan)
+    for k in range(len(planes)):
+        for line in range(planes.shape[1]):
+            directions, eye = rays(camera, crossings_xy(sweep.at[k, :, line], sweep.along))
+            inverse[k, :, line] = 1 / depths(camera, meet_plane(eye, directions, planes[k, line]))
+    seen = np.isfinite(sweep.at)
+    before = np.isfinite(inverse[seen]).mean() if seen.any() else 0.0
+    if before < 0.5:
+        raise InputError(
+            f"{100 * (1 - before):.0f} % of what the laser lit would lie behind the camera by these planes; they "
+            "belong to another camera or another frame of coordinates, or their unit is not mm"
+        )
+    return inverse
+
+
+def _direction(lit: Pixels, photo: Pixels, channel: int, lines: int) -> Direction:
+    """Along the rows or the columns: where lines are narrower, and found in more of them."""
+    best: Direction = "rows"
+    most = -1.0
+    directions: tuple[Direction, ...] = ("rows", "columns")
+    for along in directions:
+        count = lit.shape[0 if along == "rows" else 1]
+        few = slice(None, None, max(1, count // ENOUGH))
+        on, off = (p[few] if along == "rows" else p[:, few] for p in (lit, photo))
+        stripes = find_stripes(on, print_of(off, channel, along), channel, along, lines=lines)
+        good = np.isfinite(stripes.at).all(axis=1)
+        score = float(good.mean() / np.median(stripes.width[good])) if good.any() else 0.0
+        if score > most:
+            best, most = along, score
+    return best
+
+
+def _check_size(lit: Pixels, name: str, photo: Pixels) -> None:
+    if lit.shape != photo.shape:
+        raise InputError(
+            f"{name} is {lit.shape[1]} x {lit.shape[0]} pixels, the laser-off photo {photo.shape[1]} x "
+            f"{photo.shape[0]}; give photos of one camera at one size"
+        )
+    if lit.dtype != photo.dtype:
+        raise InputError(
+            f"{name} has {8 * lit.itemsize} bits, the laser-off photo {8 * photo.itemsize}; give photos of one kind"
+        )
+
+
+def _check_camera(photo: Pixels, camera: Camera) -> None:
+    rows, cols = camera.shape_rc
+    if photo.shape[:2] != (rows, cols):
+        raise InputError(
+            f"the photos are {photo.shape[1]} x {photo.shape[0]} pixels, but the camera's numbers are for {cols} x "
+            f"{rows}; give the calibration of this camera at this size"
+        )
+
+
+def _check_seen(at: Floats, names: list[str], warnings: list[str]) -> None:
+    blind = np.flatnonzero(np.isfinite(at).all(axis=2).mean(axis=1) < SEEN_SHARE)
+    if len(blind) > len(names) / 2:
+        raise InputError(
+            f"no laser line is seen in {len(blind)} of {len(names)} photos ({_some(blind, names)}): nowhere do they "
+            "stand out from the laser-off photo; is the laser on, the room dark enough, and the number of lines right?"
+        )
+    if len(blind):
+        warnings.append(f"no laser line is seen in {len(blind)} of {len(names)} photos: {_some(blind, names)}")
+
+
+def _check_exposure(clipped: Floats, names: list[str], warnings: list[str]) -> None:
+    share = float(np.median(clipped))
+    if share > TOO_CLIPPED:
+        raise InputError(
+            f"the photos are overexposed: {100 * share:.0f} % of the laser line's pixels are as bright as the camera "
+            f"can tell ({_some(np.flatnonzero(clipped > TOO_CLIPPED), names)}); expose for a shorter time, or dim the "
+            "laser"
+        )
+    if share > CLIPPED_MUCH:
+        warnings.append(
+            f"{100 * share:.0f} % of the laser line's pixels are as bright as the camera can tell; a shorter exposure "
+            "would place it better"
+        )
+
+
+def _some(which: NDArray[np.int64], names: list[str]) -> str:
+    shown = ", ".join(names[k] for k in which[:4])
+    return f"{shown} and {len(which) - 4} more" if len(which) > 4 else shown

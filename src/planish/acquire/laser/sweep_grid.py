@@ -1,0 +1,122 @@
+"""The crossings of a laser sweep, brought onto a grid of the camera's pixels."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numba import njit
+
+from planish.acquire.grid_mesh import STEEPEST
+from planish.crew import crew
+from planish.types import Camera, Floats
+
+if TYPE_CHECKING:
+    from planish.acquire.laser.sweep import Sweep
+
+WIDEST_GAP = 4.0
+"""Between two photos' lines, in grid cells: what lies in a wider one was not seen."""
+
+SUREST = 0.02
+"""Pixels: speckle keeps lines from being placed better, whatever the camera's noise says."""
+
+OUTLIER = 2.5
+"""Samples that miss the first fit by more than so many times its rms do not count in the second."""
+
+
+def cell_of(sweep: Sweep) -> int:
+    """Camera pixels to a side of a grid cell: as many as a line moves from one photo to the next."""
+    at = np.sort(sweep.at.transpose(1, 0, 2).reshape(sweep.at.shape[1], -1), axis=1)
+    steps = np.diff(at, axis=1)
+    return max(1, round(float(np.nanmedian(steps))))
+
+
+def gridded(sweep: Sweep, inverse: Floats, camera: Camera, cell: int) -> tuple[Floats, Floats, Floats]:
+    """Depth [mm], share of the rows that agree, and standard deviation [mm], each (grid rows, grid columns)."""
+    count = sweep.at.shape[1]
+    length = camera.shape_rc[1 if sweep.along == "rows" else 0]
+    at, w, sd = (v.transpose(1, 0, 2).reshape(count, -1) for v in (sweep.at, inverse, sweep.sd))
+    at = np.where(np.isfinite(w), at, np.nan)
+    order = np.argsort(at, axis=1)  # NaN last
+    at, w, sd = (np.take_along_axis(v, order, axis=1) for v in (at, w, sd))
+    used = np.isfinite(at).sum(axis=1)
+    shape = -(-count // cell), -(-length // cell)
+    grid_w, agree, grid_sd = (np.full(shape, np.nan) for _ in range(3))
+    focal = camera.matrix[0, 0] if sweep.along == "rows" else camera.matrix[1, 1]
+    with crew() as run:
+        run(_fit_grid, shape[0], cell, at, w, sd, used, focal, grid_w, agree, grid_sd, block=8)
+    depth = 1 / grid_w
+    return depth, agree, grid_sd * depth**2
+
+
+@njit(cache=True, nogil=True)
+def _fit_grid(first, last, cell, at, w, sd, used, focal, grid_w, agree, grid_sd):  # type: ignore[no-untyped-def]
+    """Fit w = a + b x + c y + e x^2 around every grid point, to two samples on either side in each of its rows."""
+    x, y, z, q = np.empty(4 * cell), np.empty(4 * cell), np.empty(4 * cell), np.empty(4 * cell)
+    result = np.empty(3)
+    for i in range(first, last):
+        behind = np.zeros(cell, np.int64)  # in each row, the first sample right of the grid point
+        rows = min(cell, len(at) - i * cell)
+        for j in range(grid_w.shape[1]):
+            middle = j * cell + (cell - 1) / 2
+            n, full = 0, 0
+            for r in range(rows):
+                row = i * cell + r
+                while behind[r] < used[row] and at[row, behind[r]] < middle:
+                    behind[r] += 1
+                m = behind[r]
+                if m == 0 or m == used[row] or at[row, m] - at[row, m - 1] > WIDEST_GAP * cell:
+                    continue
+                full += 1
+                for k in range(max(m - 2, 0), min(m + 2, used[row])):
+                    if abs(at[row, k] - middle) <= WIDEST_GAP * cell:
+                        x[n], y[n], z[n] = at[row, k] - middle, r - (cell - 1) / 2, w[row, k]
+                        q[n] = 1 / max(sd[row, k], SUREST) ** 2
+                        n += 1
+            if 2 * full < rows or not _fit_sheet(n, x, y, z, q, result):
+                continue
+            # across a jump samples scatter more than on the steepest surface that is joined
+            if result[1] <= STEEPEST / 2 * result[0] / focal:
+                grid_w[i, j], grid_sd[i, j], agree[i, j] = result[0], result[1], result[2] * full / rows
+
+
+@njit(cache=True, nogil=True)
+def _fit_sheet(n, x, y, z, q, result):  # type: ignore[no-untyped-def]
+    """Weighted least squares in two rounds, outliers left out of the second: a, its deviation, share that counted."""
+    base, limit = z[0], np.inf
+    fit = np.zeros(4)
+    for _ in range(2):
+        normal, right = np.zeros((4, 4)), np.zeros(4)
+        kept = 0
+        for k in range(n):
+            if abs(_miss(x[k], y[k], z[k] - base, fit)) > limit:
+                continue
+            kept += 1
+            row = (1.0, x[k], y[k], x[k] * x[k])
+            for u in range(4):
+                right[u] += q[k] * row[u] * (z[k] - base)
+                for v in range(4):
+                    normal[u, v] += q[k] * row[u] * row[v]
+        if kept < 3:
+            return False
+        for u in range(1, 4):  # a single row, or two lines only, leave a slope or the bend undetermined
+            normal[u, u] *= 1 + 1e-9
+            normal[u, u] += 1e-9 * normal[0, 0]
+        inverse = np.linalg.inv(normal)
+        fit = inverse @ right
+        square = 0.0
+        for k in range(n):
+            miss = _miss(x[k], y[k], z[k] - base, fit)
+            if abs(miss) <= limit:
+                square += q[k] * miss * miss
+        variance = square / max(kept - 4, 1)
+        limit = OUTLIER * np.sqrt(square / normal[0, 0])
+    result[0] = base + fit[0]
+    result[1] = np.sqrt(variance * max(inverse[0, 0], 0.0))
+    result[2] = kept / n
+    return True
+
+
+@njit(cache=True, nogil=True)
+def _miss(x, y, z, fit):  # type: ignore[no-untyped-def]
+    return z - fit[0] - fit[1] * x - fit[2] * y - fit[3] * x * x

@@ -1,0 +1,1 @@
+"""Points in any order, as photogrammetry makes them."""

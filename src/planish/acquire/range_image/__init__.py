@@ -1,0 +1,1 @@
+"""Points in rows and columns: depth cameras and range scanners."""

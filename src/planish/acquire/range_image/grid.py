@@ -1,0 +1,175 @@
+"""Range images: points in rows and columns, as scanners export them, become a scan without their camera."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import ndimage
+
+from planish.acquire.grid_mesh import NOISE_STEPS, STEEPEST, Acquired, joined
+from planish.acquire.paper import sheet_mask
+from planish.acquire.range_image.depth import check_photo_size, flying_pixels, on_white, pixel_noise
+from planish.errors import InputError
+from planish.mesh import project
+from planish.types import Bools, Camera, Floats, Pixels, Scan
+
+CLOSEST = 0.3
+"""The origin is taken for the scanner's place if it is farther from all points than this part of their extent..."""
+
+NARROW = 0.5
+"""...and sees them all within a cone of 60 degrees around the middle: the cosine of that."""
+
+
+def from_grid(
+    points: Floats,
+    photo: Pixels | None,
+    photo_camera: Camera | None = None,
+    *,
+    seen_from: Floats | None = None,
+    mask: Bools | str | None = "auto",
+) -> Acquired:
+    """Make a scan from a range image.
+
+    Where the scanner stood tells what is a depth jump and which side was seen. Without it the points are taken for
+    heights over a plane, seen as the rows and columns show them. A lone pixel without a point between four that lie on
+    one surface is bridged.
+
+    Parameters
+    ----------
+    points : (rows, cols, 3) float64 [mm]
+        Row 0 on top, as an image; 0 0 0 or NaN where nothing was seen.
+    photo : (h, w, 3) uint8 or uint16, or None
+        The points' colours or another photo registered to them: of their size, or larger or smaller by the same
+        factor both ways; any photo if it has a camera.
+    photo_camera : Camera, optional
+        That took the photo, in the world of the points.
+    seen_from : (3,) float64 [mm], optional
+        Where the scanner stood; by default the origin, if that lies in front of all points and not among them.
+    mask : (h, w) bool, "auto" or None
+        Where on the photo the sheet is. auto: bright paper on darker ground, if it stands out; None: everywhere.
+
+    Raises
+    ------
+    InputError
+        If no pixel holds a point, no three neighbours make a surface, or photo and points do not belong together.
+
+    Examples
+    --------
+    >>> row, col = np.mgrid[:40, :60]
+    >>> points = np.stack([col - 30.0, row - 20.0, np.where(col < 30, 300.0, 250.0)], axis=-1)
+    >>> made = from_grid(points, None)
+    >>> len(made.scan.mesh.points), len(made.scan.mesh.faces)  # nothing is joined across the step of 50 mm
+    (2400, 4524)
+    """
+    known: Bools = np.asarray(np.isfinite(points).all(axis=2) & points.any(axis=2))
+    if not known.any():
+        raise InputError(
+            f"none of the {known.size:,} pixels holds a point: all are 0 or not finite; was the device covered, or "
+            "nothing in its range?"
+        )
+    points = np.where(known[..., None], points, np.nan)
+    eye = plausible_origin(points[known]) if seen_from is None else np.asarray(seen_from, np.float64)
+    if eye is not None and _mirrored(points, eye):
+        points, known = points[:, ::-1], known[:, ::-1]
+        if photo is not None and photo_camera is None:  # it runs as the points do
+            photo, mask = photo[:, ::-1], mask[:, ::-1] if isinstance(mask, np.ndarray) else mask
+    relative, distance = _sight(points, known, eye)
+    far, pitch = relative[..., -1], _pitch(relative[..., :-1])
+    noise = pixel_noise(far)
+    step = max(STEEPEST * pitch, NOISE_STEPS * noise)
+    points, relative, known = _bridged(points, relative, known, step)
+    pixel_xy = np.stack(np.meshgrid(*(np.arange(n, dtype=np.float64) for n in known.shape[::-1])), axis=-1)
+    xy = _photo_places(points, pixel_xy, photo, photo_camera)
+    far = relative[..., -1]
+    keep = known & ~flying_pixels(far, [np.full(far.shape, max(STEEPEST / 2 * pitch, 4 * noise))] * 2)
+    warnings: list[str] = []
+    if photo is not None:
+        sheet, warnings = sheet_mask(photo, mask)
+        if sheet is not None:
+            keep &= on_white(xy.reshape(-1, 2), sheet).reshape(keep.shape)
+    mesh, at = joined(points, keep, relative[keep], step)
+    col, row = at.astype(int).T
+    neighbours = ndimage.uniform_filter(keep.astype(np.float64), 3, mode="constant")
+    scan = Scan(mesh, photo, xy[row, col], photo_camera)
+    return Acquired(scan, np.clip(neighbours[row, col], 0, 1), noise * distance, tuple(warnings))
+
+
+def grid_photo(points: Floats, colours: Pixels) -> Pixels:
+    """The colours (rows, cols, 3) of a range image's points as a photo: black pixels without a point are filled in.
+
+    They take the colour of the nearest that has a point, so that no black bleeds into the sheet's border.
+    """
+    empty = ~(np.isfinite(points).all(axis=2) & points.any(axis=2)) & ~colours.any(axis=2)
+    if not empty.any() or empty.all():
+        return colours
+    row, col = ndimage.distance_transform_edt(empty, return_distances=False, return_indices=True)
+    return np.asarray(colours[row, col])
+
+
+def plausible_origin(points: Floats) -> Floats | None:
+    """The origin, if a scanner may have stood there: in front of the points (k, 3), and not among them."""
+    away = np.linalg.norm(points, axis=1)
+    extent = float(np.linalg.norm(np.ptp(points, axis=0)))
+    if not away.min() > CLOSEST * extent:
+        return None
+    directions = points / away[:, None]
+    middle = directions.mean(axis=0)
+    return np.zeros(3) if (directions @ middle).min() > NARROW * np.linalg.norm(middle) else None
+
+
+def _mirrored(points: Floats, eye: Floats) -> bool:
+    """Whether rows and columns run as the sheet's back would be seen: right x down points away from who sees it."""
+    here = points[:-1, :-1]
+    outwards = np.cross(points[:-1, 1:] - here, points[1:, :-1] - here)
+    return bool(np.nansum(outwards * (here - eye)) < 0)
+
+
+def _sight(points: Floats, known: Bools, eye: Floats | None) -> tuple[Floats, float]:
+    """Each pixel across the line of sight, and last how far away; and how many mm a unit of that is, typically.
+
+    From a place: directions and the logarithm of the distance. Without: two coordinates in the plane that fits the
+    points best, and the height over it.
+    """
+    if eye is None:
+        flat = points[known]
+        axes = np.linalg.svd(flat[:: 1 + len(flat) // 100_000] - flat.mean(axis=0), full_matrices=False)[2]
+        return np.asarray((points - flat.mean(axis=0)) @ axes.T), 1.0
+    ray = points - eye
+    away = np.maximum(np.linalg.norm(ray, axis=2, keepdims=True), 1e-12)
+    return np.concatenate([ray / away, np.log(away)], axis=2), float(np.nanmedian(away))
+
+
+def _bridged(points: Floats, relative: Floats, known: Bools, step: float) -> tuple[Floats, Floats, Bools]:
+    """Give a lone pixel without a point the mean of its four neighbours, where these lie on one surface."""
+    around = [np.full_like(relative, np.nan) for _ in range(4)]
+    around[0][1:], around[1][:-1] = relative[:-1], relative[1:]
+    around[2][:, 1:], around[3][:, :-1] = relative[:, :-1], relative[:, 1:]
+    gap = ~known & (np.ptp([side[..., -1] for side in around], axis=0) <= step)  # false where one of them is NaN
+    row, col = np.nonzero(gap)
+    points, relative = points.copy(), relative.copy()
+    points[gap] = (points[row - 1, col] + points[row + 1, col] + points[row, col - 1] + points[row, col + 1]) / 4
+    relative[gap] = np.mean([side[gap] for side in around], axis=0)
+    return points, relative, known | gap
+
+
+def _pitch(across: Floats) -> float:
+    """Typical distance of neighbouring pixels across the line of sight."""
+    steps = [np.linalg.norm(np.diff(across, axis=axis), axis=2).ravel() for axis in (0, 1)]
+    steps = [step[np.isfinite(step)] for step in steps]
+    return max((float(np.median(step)) for step in steps if len(step)), default=0.0)
+
+
+def _photo_places(points: Floats, pixel_xy: Floats, photo: Pixels | None, camera: Camera | None) -> Floats:
+    """Where on the photo each pixel's point lies, (rows, cols, 2) [photo px]; the pixels themselves without a photo."""
+    if photo is None:
+        return pixel_xy
+    if camera is not None:
+        check_photo_size(photo, camera)
+        return np.asarray(project(camera, points.reshape(-1, 3)).reshape(pixel_xy.shape))
+    rows, cols = pixel_xy.shape[:2]
+    down, across = photo.shape[0] / rows, photo.shape[1] / cols
+    if abs(down / across - 1) > 0.01:
+        raise InputError(
+            f"the photo is {photo.shape[1]} x {photo.shape[0]} pixels and the range image {cols} x {rows}: it is not "
+            "registered to it; give the photo's own camera with --camera"
+        )
+    return np.asarray((pixel_xy + 0.5) * [across, down] - 0.5)

@@ -1,0 +1,1 @@
+"""Gray code and phase shift: captures decoded, checked, triangulated and meshed."""

@@ -1,0 +1,184 @@
+"""Phase shift on top of the Gray code: waves of light that tell the place on the projector at every single pixel.
+
+For the projector's columns, then for its rows, a cosine is shown `steps` times, each time shifted by the same part of
+its period. Photos of it go between those of the code and white. At each pixel I_k = A + B cos(phi - 2 pi k / steps),
+whose phase phi is the place within a period, whatever the paper's colour A and the contrast B. Which period it is the
+Gray code says, but only its bits down to half a period are asked: the middle of a half period is never more than a
+quarter from the true place. So an error of one step beside the edge of a stripe does no harm, and stripes that are too
+fine to be seen are not needed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from planish.acquire.structured_light import gray_code
+from planish.acquire.structured_light.gray_code import LIT, Codes, Grey, bright_end, decode, frame_count
+from planish.crew import crew
+from planish.errors import InputError, UsageError
+from planish.types import Floats
+
+PERIOD = 16
+"""Pixels of the projector: four times the finest stripes of the code, whose pairs the camera must resolve otherwise."""
+
+HALF_BITS = 3
+"""Lowest bits of the code that lie within half a period."""
+
+MIDDLE, SWING = 127, 126
+"""Grey values of the waves. With an even swing no value lies halfway, to be rounded as the processor likes."""
+
+STEPS = 3, 16
+"""Fewest and most. So many steps cancel all overtones of the cosine below steps - 1, such as a projector's gamma."""
+
+AMBIGUOUS = 3 / 8
+"""Of a period: a phase this far from the middle of its half period belongs to another; a quarter is usual."""
+
+
+class Phased(NamedTuple):
+    """What the waves say at each pixel of the camera.
+
+    Attributes
+    ----------
+    place : (rows, cols, 2) float32 [projector px]
+        x right, y down; NaN where it is not known.
+    weight : (rows, cols, 2) float32
+        Inverse variance, for noise of one level of the photos; 0 where the place is not known.
+    confidence : (rows, cols) float64
+        From 0 to 1: contrast of the fainter of both waves against that of white and black.
+    """
+
+    place: NDArray[np.float32]
+    weight: NDArray[np.float32]
+    confidence: Floats
+
+
+def patterns(shape_rc: tuple[int, int], steps: int) -> Iterator[NDArray[np.uint8]]:
+    """Make the waves for a projector of so many rows and columns: 2 `steps` images (rows, cols) uint8.
+
+    Examples
+    --------
+    >>> [int(image[0, 0]) for image in patterns((20, 40), 4)]
+    [253, 127, 1, 127, 253, 127, 1, 127]
+
+    Raises
+    ------
+    UsageError
+        If there are fewer than 3 or more than 16 steps.
+    """
+    if not STEPS[0] <= steps <= STEPS[1]:
+        raise UsageError(f"{steps} steps of phase were asked for; {STEPS[0]} to {STEPS[1]} are wanted")
+    rows, cols = shape_rc
+    for count, across in ((cols, True), (rows, False)):
+        for k in range(steps):
+            wave = np.cos(2 * np.pi * (np.arange(count) / PERIOD - k / steps))
+            line = np.rint(MIDDLE + SWING * wave).astype(np.uint8)
+            yield np.ascontiguousarray(np.broadcast_to(line if across else line[:, None], (rows, cols)))
+
+
+def with_code(shape_rc: tuple[int, int], steps: int) -> Iterator[NDArray[np.uint8]]:
+    """Make all that a projector has to show: the Gray code, the waves unless `steps` is 0, white, black.
+
+    Examples
+    --------
+    >>> len(list(with_code((16, 16), 4))) - len(list(gray_code.patterns((16, 16))))
+    8
+    """
+    *code, white, black = gray_code.patterns(shape_rc)
+    yield from code
+    if steps:
+        yield from patterns(shape_rc, steps)
+    yield white
+    yield black
+
+
+def steps_among(count: int, shape_rc: tuple[int, int]) -> int:
+    """How many steps of phase so many photos hold beside the Gray code; 0 if they are none.
+
+    Raises
+    ------
+    InputError
+        If there are photos of waves, but not as many for the rows as for the columns.
+
+    Examples
+    --------
+    >>> steps_among(44, (800, 1280)), steps_among(60, (800, 1280))
+    (0, 8)
+    """
+    beside = count - frame_count(shape_rc)
+    if beside < 2 * STEPS[0] - 1:
+        return 0
+    if beside % 2 or beside > 2 * STEPS[1]:
+        raise InputError(
+            f"there are {count} photos: {frame_count(shape_rc)} for the Gray code of {shape_rc[1]} x {shape_rc[0]} "
+            f"pixels, and {beside} beside it; waves come in equal numbers, {STEPS[0]} to {STEPS[1]}, for columns and "
+            "for rows. Was the projector's resolution another?"
+        )
+    return beside // 2
+
+
+def phased(frames: Grey, waves: Grey, shape_rc: tuple[int, int]) -> Phased:
+    """Find the place on the projector that each pixel sees from the phase of the waves.
+
+    Parameters
+    ----------
+    frames : (n, rows, cols) uint8 or uint16
+        Of the Gray code alone, as for `gray_code.decode`.
+    waves : (2 steps, rows, cols), of the same kind
+        In the order of `patterns`.
+    shape_rc : (int, int)
+        Rows and columns of the projector.
+
+    Examples
+    --------
+    >>> code = np.stack(list(gray_code.patterns((24, 40))))
+    >>> found = phased(code, np.stack(list(patterns((24, 40), 4))), (24, 40))
+    >>> bool(np.abs(found.place[12, 20] - [20, 12]).max() < 0.01), found.confidence[12, 20].round(2)
+    (True, np.float64(0.99))
+    """
+    coarse: Codes = decode(frames, shape_rc, unread=HALF_BITS)
+    contrast = frames[-2].astype(np.float32) - frames[-1]
+    shape = coarse.column.shape
+    place, weight = np.full((*shape, 2), np.nan, np.float32), np.zeros((*shape, 2), np.float32)
+    confidence = np.zeros(shape)
+    codes = np.stack([coarse.column, coarse.row])
+    limits = np.array([shape_rc[1], shape_rc[0]]) - 0.5
+    least = 0.5 * LIT * bright_end(frames)
+    with crew() as run:
+        run(_phase, shape[0], waves, codes, contrast, limits, least, place, weight, confidence, block=16)
+    return Phased(place, weight, confidence)
+
+
+@njit(cache=True, nogil=True)
+def _phase(first, last, waves, codes, contrast, limits, least, place, weight, confidence):  # type: ignore[no-untyped-def]
+    steps = len(waves) // 2
+    cosine, sine = np.cos(2 * np.pi * np.arange(steps) / steps), np.sin(2 * np.pi * np.arange(steps) / steps)
+    half = 1 << HALF_BITS
+    for r in range(first, last):
+        for q in range(place.shape[1]):
+            if codes[0, r, q] < 0:
+                continue
+            sure, known = 1.0, True
+            for axis in range(2):
+                c, s = 0.0, 0.0
+                for k in range(steps):
+                    level = float(waves[axis * steps + k, r, q])
+                    c += cosine[k] * level
+                    s += sine[k] * level
+                strength = 2.0 * np.sqrt(c * c + s * s) / steps  # B
+                middle = codes[axis, r, q] * half + 0.5 * (half - 1)
+                turns = np.arctan2(s, c) / (2.0 * np.pi)
+                x = PERIOD * (turns + np.rint(middle / PERIOD - turns))
+                known &= strength >= least and abs(x - middle) <= AMBIGUOUS * PERIOD and -0.5 <= x <= limits[axis]
+                place[r, q, axis] = x
+                weight[r, q, axis] = 0.5 * steps * (strength * 2.0 * np.pi / PERIOD) ** 2
+                sure = min(sure, 2.0 * strength / max(contrast[r, q], np.float32(1.0)))
+            if known:
+                confidence[r, q] = sure
+            else:
+                place[r, q] = np.nan
+                weight[r, q] = 0.0

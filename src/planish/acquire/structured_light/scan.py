@@ -1,0 +1,199 @@
+"""Gray code captures to scans: checked, decoded, refined, triangulated, and meshed on the camera's grid."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from planish.acquire.grid_mesh import Acquired, grid_mesh
+from planish.acquire.paper import sheet_mask
+from planish.acquire.structured_light.frames import check_frames
+from planish.acquire.structured_light.gray_code import Grey, decode, frame_count
+from planish.acquire.structured_light.phase import phased, steps_among
+from planish.acquire.structured_light.phase_frames import check_count, check_waves
+from planish.acquire.structured_light.projector import TRUE_PX, check_fit, coarser, points_and_misses
+from planish.acquire.structured_light.sub_code import refined
+from planish.errors import InputError, UsageError
+from planish.types import Bools, Camera, Floats, Pixels, Scan
+
+LOOK = 50
+"""Rows and columns of pixels all over the view, about, that tell whether calibration and code belong together."""
+
+STRAY_PX = 3.0
+"""A point whose rays miss each other by so many more pixels of the code than usual is left out."""
+
+
+class Located(NamedTuple):
+    """Which place on the projector each pixel of the camera sees.
+
+    Attributes
+    ----------
+    place : (rows, cols, 2) float64 [projector px]
+        x right, y down, pixel centres at integers; NaN where it is not known.
+    confidence : (rows, cols) float64
+        From 0 to 1.
+    warnings : list of str
+    """
+
+    place: Floats
+    confidence: Floats
+    warnings: list[str]
+
+
+def from_gray_code(
+    frames: Grey,
+    camera: Camera,
+    projector: Camera,
+    photo: Pixels | None = None,
+    *,
+    projector_scale: float = 1.0,
+    mask: Bools | str | None = "auto",
+) -> Acquired:
+    """Make a scan from photos of a sheet under a projector's Gray code.
+
+    Parameters
+    ----------
+    frames : (n, rows, cols) uint8 or uint16
+        Grey, in the order of `gray_code.patterns`; before white perhaps the waves of `phase.patterns`.
+    camera, projector : Camera
+        In one world.
+    photo : (rows, cols, 3) uint8 or uint16, optional
+        From the same camera. By default the one under white.
+    projector_scale : float
+        How many of the pixels that the projector was calibrated with lie along one pixel of the code.
+    mask : (rows, cols) bool, "auto" or None
+        Where on the photo the sheet is. auto: bright paper on darker ground, if it stands out; None: everywhere.
+
+    Raises
+    ------
+    InputError
+        If photos are missing, doubled, out of order, overexposed or of another size, or the calibration does not fit.
+    """
+    if not projector_scale > 0:
+        raise UsageError(f"the projector scale is {projector_scale:g}; it must be above 0")
+    check_size(frames.shape[1:], camera)
+    code_projector = coarser(projector, projector_scale)
+    photo = _three_channels(frames[-2]) if photo is None else photo
+    sheet, warnings = sheet_mask(photo, mask)
+    sparse = _sparse(camera.shape_rc)
+    found = located(frames, code_projector.shape_rc, None if sheet is None else sheet | sparse)
+    warnings = found.warnings + warnings
+    points, missed_px = triangulated(camera, code_projector, found.place, sparse)
+    if sheet is not None:
+        points[~sheet] = np.nan
+    if missed_px > TRUE_PX:
+        warnings.append(
+            f"rays of camera and projector miss each other by {missed_px:.1f} pixels of the code (median; a good "
+            f"calibration has below {TRUE_PX:g}): sizes may be off by a percent or more"
+        )
+    noise_mm = _noise(points @ camera.rotation[2])
+    mesh, pixel_xy = grid_mesh(points, camera, noise_mm=noise_mm)
+    column, row = pixel_xy.astype(int).T
+    scan = Scan(mesh, photo, pixel_xy, camera)
+    return Acquired(scan, found.confidence[row, column], noise_mm, tuple(warnings))
+
+
+def located(frames: Grey, shape_rc: tuple[int, int], where: Bools | None = None) -> Located:
+    """Find the place on the projector that each pixel of the camera sees, from all its photos.
+
+    Parameters
+    ----------
+    frames : (n, rows, cols) uint8 or uint16
+        In the order of `gray_code.patterns`; before white perhaps the waves of `phase.patterns`.
+    shape_rc : (int, int)
+        Rows and columns of the projector.
+    where : (rows, cols) bool, optional
+        Pixels that are wanted; the others stay NaN.
+
+    Raises
+    ------
+    InputError
+        If photos are missing, doubled, out of order or overexposed, or nothing can be read.
+    """
+    code, waves = frames, None
+    check_count(frames, shape_rc)
+    if steps := steps_among(len(frames), shape_rc):
+        bits = frame_count(shape_rc) - 2
+        code, waves = np.concatenate([frames[:bits], frames[-2:]]), frames[bits:-2]
+        assert len(waves) == 2 * steps
+    warnings = check_frames(code, shape_rc)
+    codes = decode(code, shape_rc)
+    if waves is None:
+        if not (codes.column >= 0).any():
+            raise InputError(
+                "no pixel's code could be read: the finest stripes, two pixels of the projector wide, must be seen; "
+                "are camera and projector in focus, and is the camera near enough? Else show waves as well (patterns "
+                "--phase-steps 8), with which stripes of 16 pixels are enough"
+            )
+        return Located(refined(code, codes, shape_rc, where), codes.confidence, warnings)
+    check_waves(code, waves, shape_rc)
+    shown = phased(code, waves, shape_rc)
+    confidence = np.where(shown.confidence > 0, shown.confidence, codes.confidence)
+    return Located(refined(code, codes, shape_rc, where, shown), confidence, warnings)
+
+
+def triangulated(camera: Camera, projector: Camera, place: Floats, sparse: Bools | None = None) -> tuple[Floats, float]:
+    """Put what every camera pixel sees of the projector into space.
+
+    Parameters
+    ----------
+    camera, projector : Camera
+        The projector in pixels of the code.
+    place : (rows, cols, 2) float64 [projector px]
+    sparse : (rows, cols) bool, optional
+        Pixels all over the view that tell whether calibration and code belong together. By default all.
+
+    Returns
+    -------
+    points : (rows, cols, 3) float64 [mm]
+        NaN where nothing was read, or the rays miss each other.
+    missed_px : float
+        By how much the rays miss each other, in pixels of the code (median).
+
+    Raises
+    ------
+    InputError
+        If calibration and code do not fit, see `projector.check_fit`.
+    """
+    known = np.isfinite(place).all(axis=2)
+    if not known.any():
+        raise InputError("no stripe's edge was found; are the projector's patterns in focus and its pixels in view?")
+    camera_xy = np.argwhere(known)[:, ::-1].astype(np.float64)
+    asked = sparse[known] if sparse is not None and sparse[known].any() else np.ones(len(camera_xy), bool)
+    usual = check_fit(camera, projector, camera_xy[asked], place[known][asked])
+    met, misses = points_and_misses(camera, projector, camera_xy, place[known])
+    met[~(misses <= usual + STRAY_PX)] = np.nan
+    points = np.full((*known.shape, 3), np.nan)
+    points[known] = met
+    return points, usual
+
+
+def _sparse(shape_rc: tuple[int, int]) -> Bools:
+    """Every so many pixels, along rows and columns."""
+    sparse = np.zeros(shape_rc, bool)
+    step = max(1, min(shape_rc) // LOOK)
+    sparse[::step, ::step] = True
+    return sparse
+
+
+def check_size(shape_rc: tuple[int, ...], camera: Camera) -> None:
+    """Refuse photos that are not of the size that the camera was calibrated at."""
+    if tuple(shape_rc) != tuple(camera.shape_rc):
+        (rows, cols), (wanted_rows, wanted_cols) = shape_rc, camera.shape_rc
+        raise InputError(
+            f"the photos are {cols} x {rows} pixels, but the camera's numbers are for {wanted_cols} x {wanted_rows}; "
+            "give the calibration of this camera at this size"
+        )
+
+
+def _noise(depth: Floats) -> float:
+    """Standard deviation from pixel to pixel, from second differences, (rows, cols) [mm]."""
+    second = depth[:, :-2] - 2 * depth[:, 1:-1] + depth[:, 2:]
+    second = second[np.isfinite(second)]
+    return float(1.4826 * np.median(np.abs(second)) / np.sqrt(6)) if len(second) else 0.0
+
+
+def _three_channels(grey: Grey) -> Pixels:
+    colours: Pixels = np.repeat(grey[..., None], 3, axis=2)  # type: ignore[assignment]
+    return colours

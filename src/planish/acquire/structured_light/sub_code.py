@@ -1,0 +1,235 @@
+"""Below the code's step: where the edges of the stripes really fall, between the camera's pixels.
+
+Between the columns c and c + 1 of the projector exactly one bit changes, so that one pattern and its inverse cross
+there: the light of both is the same at c + 1/2, whatever the paper's colour. Between two camera pixels that see c and
+c + 1, the crossing is found by a straight line through the differences of the two, each against white and black. A
+quadratic surface fitted to the crossings around every pixel then says what lies at the pixel itself. Where waves tell
+the place at every pixel (`phase`), these count as well, each by how sure it is.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from planish.acquire.structured_light.gray_code import Codes, Grey, bits_for
+from planish.acquire.structured_light.phase import Phased
+from planish.crew import crew
+from planish.types import Bools, Floats, Ints
+
+REACH = 4
+"""Crossings up to so many pixels away, along the rows and the columns, are fitted."""
+
+SPREAD = 2.0
+"""Standard deviation of their weights, in pixels."""
+
+STEEPEST = 3.0
+"""A crossing on the same surface differs from the pixel's own code by at most this much a pixel."""
+
+FEWEST = 8
+"""Crossings for a surface of six numbers."""
+
+OFF = 1.0
+"""A fit that leaves the pixel's own code by more is none."""
+
+SPAN = 2.0 * REACH + 2.0
+"""Crossings around a pixel that was not read differ by at most this much if they are on one surface."""
+
+TERMS = 6
+
+CROSSING = 3 / 4
+"""Inverse variance of a crossing for noise of one level and a slope of one: 2 for two photos, times the mean of
+(1 - t)^2 + t^2 over where it may lie between two pixels."""
+
+
+def refined(
+    frames: Grey,
+    codes: Codes,
+    shape_rc: tuple[int, int],
+    where: Bools | None = None,
+    waves: Phased | None = None,
+) -> Floats:
+    """Find the place on the projector that each camera pixel sees, to small parts of its pixel.
+
+    Parameters
+    ----------
+    frames : (n, rows, cols)
+        As for `gray_code.decode`.
+    codes : Codes
+        What it found.
+    shape_rc : (int, int)
+        Rows and columns of the projector.
+    where : (rows, cols) bool, optional
+        Pixels that are wanted; the others stay NaN.
+    waves : Phased, optional
+        What waves say besides.
+
+    Returns
+    -------
+    (rows, cols, 2) float64 [projector px]
+        x right, y down, pixel centres at integers; NaN where there are too few stripe edges around the pixel.
+    """
+    place = np.full((*codes.column.shape, 2), np.nan)
+    wanted = np.ones(codes.column.shape, bool) if where is None else where
+    column_bits, row_bits = bits_for(shape_rc[1]), bits_for(shape_rc[0])
+    contrast = frames[-2].astype(np.float32) - frames[-1]
+    for axis, (code, start, bits) in enumerate(
+        ((codes.column, 0, column_bits), (codes.row, 2 * column_bits, row_bits))
+    ):
+        pair = frames[start : start + 2 * bits]
+        at, value, weight = _crossings(pair, code, contrast)
+        own = code.astype(np.float32)
+        if waves is not None:
+            value, weight = np.dstack([value, waves.place[..., axis]]), np.dstack([weight, waves.weight[..., axis]])
+            own = np.where(waves.weight[..., axis] > 0, waves.place[..., axis], own)
+        with crew() as run:
+            run(_fit, len(code), wanted, own, at, value, weight, place[..., axis], block=16)
+    return place
+
+
+def _crossings(
+    pairs: Grey, code: Ints, contrast: NDArray[np.float32]
+) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
+    """Edges of stripes between each pixel and its right and lower neighbour, each (rows, cols, 2).
+
+    Returns
+    -------
+    at : where between the two pixels, 0 to 1
+    value : place on the projector
+    weight : how surely it is known; 0 where there is no edge
+    """
+    at, value, weight = (np.zeros((*code.shape, 2), np.float32) for _ in range(3))
+    with crew() as run:
+        run(_cross, len(code), pairs, code, contrast, at, value, weight, block=32)
+    return at, value, weight
+
+
+@njit(cache=True, nogil=True)
+def _cross(first, last, pairs, code, contrast, at, value, weight):  # type: ignore[no-untyped-def]
+    rows, cols = code.shape
+    bits = len(pairs) // 2
+    for r in range(first, last):
+        for q in range(cols):
+            here = code[r, q]
+            if here < 0:
+                continue
+            for way in range(2):
+                nr, nq = (r, q + 1) if way == 0 else (r + 1, q)
+                if nr >= rows or nq >= cols:
+                    continue
+                there = code[nr, nq]
+                if there < 0 or abs(there - here) != 1:
+                    continue
+                changed = (here ^ (here >> 1)) ^ (there ^ (there >> 1))  # of the Gray code: one bit
+                k = bits - 1
+                while changed > 1:
+                    changed >>= 1
+                    k -= 1
+                a = (np.float32(pairs[2 * k, r, q]) - np.float32(pairs[2 * k + 1, r, q])) / contrast[r, q]
+                b = (np.float32(pairs[2 * k, nr, nq]) - np.float32(pairs[2 * k + 1, nr, nq])) / contrast[nr, nq]
+                if a * b >= 0.0 and a != 0.0:
+                    continue
+                at[r, q, way] = a / (a - b) if a != b else np.float32(0.5)
+                value[r, q, way] = min(here, there) + np.float32(0.5)
+                sure = (a - b) * min(contrast[r, q], contrast[nr, nq])
+                weight[r, q, way] = CROSSING * sure * sure  # variance: that of the noise over the slope squared
+
+
+@njit(cache=True, nogil=True)
+def _fit(first, last, wanted, own, at, value, weight, place):  # type: ignore[no-untyped-def]
+    near = np.exp(-0.5 * (np.arange(REACH + 1) / SPREAD) ** 2)
+    normal, right, term = np.empty((TERMS, TERMS)), np.empty(TERMS), np.empty(TERMS)
+    for r in range(first, last):
+        for q in range(own.shape[1]):
+            if not wanted[r, q]:
+                continue
+            found = np.nan
+            if own[r, q] > -1.0:
+                found = _fit_at(r, q, float(own[r, q]), OFF, at, value, weight, near, term, normal, right)
+            if np.isnan(found):  # not read, or misread
+                around = _enclosed(r, q, value, weight)
+                if not np.isnan(around):
+                    found = _fit_at(r, q, around, SPAN, at, value, weight, near, term, normal, right)
+            place[r, q] = found
+
+
+@njit(cache=True, nogil=True)
+def _fit_at(r, q, about, off, at, value, weight, near, term, normal, right):  # type: ignore[no-untyped-def]
+    """Value at a pixel of the surface through the crossings around it; NaN if it is farther than `off` from `about`."""
+    rows, cols = weight.shape[0], weight.shape[1]
+    normal[:], right[:] = 0.0, 0.0
+    count = 0
+    for nr in range(max(r - REACH, 0), min(r + REACH + 1, rows)):
+        for nq in range(max(q - REACH, 0), min(q + REACH + 1, cols)):
+            for way in range(weight.shape[2]):  # to the right, down, and at the pixel itself
+                if weight[nr, nq, way] <= 0.0:
+                    continue
+                x = nq - q + (at[nr, nq, way] if way == 0 else 0.0)
+                y = nr - r + (at[nr, nq, way] if way == 1 else 0.0)
+                u = value[nr, nq, way] - about
+                if abs(u) <= STEEPEST * (abs(x) + abs(y)) + 1.0:
+                    _add(x, y, u, weight[nr, nq, way] * near[abs(nr - r)] * near[abs(nq - q)], term, normal, right)
+                    count += 1
+    if count < FEWEST:
+        return np.nan
+    constant = _constant(normal, right)
+    return about + constant if abs(constant) <= off else np.nan
+
+
+@njit(cache=True, nogil=True)
+def _add(x, y, u, w, term, normal, right):  # type: ignore[no-untyped-def]
+    """One crossing's part in the normal equations of u = a + b x + c y + d x^2 + e x y + f y^2; lower triangle."""
+    term[0], term[1], term[2], term[3], term[4], term[5] = 1.0, x, y, x * x, x * y, y * y
+    for i in range(TERMS):
+        right[i] += w * term[i] * u
+        for j in range(i + 1):
+            normal[i, j] += w * term[i] * term[j]
+
+
+@njit(cache=True, nogil=True)
+def _enclosed(r, q, value, weight):  # type: ignore[no-untyped-def]
+    """Mean of the crossings around a pixel that is too dark to read, such as ink; NaN unless all are on one surface."""
+    rows, cols = weight.shape[0], weight.shape[1]
+    total, count = 0.0, 0
+    low, high = np.inf, -np.inf
+    quarters = 0
+    for nr in range(max(r - REACH, 0), min(r + REACH + 1, rows)):
+        for nq in range(max(q - REACH, 0), min(q + REACH + 1, cols)):
+            for way in range(weight.shape[2]):
+                if weight[nr, nq, way] > 0.0:
+                    total += value[nr, nq, way]
+                    count += 1
+                    low, high = min(low, value[nr, nq, way]), max(high, value[nr, nq, way])
+                    quarters |= 1 << (2 * int(nr >= r) + int(nq >= q))
+    if quarters != 15 or count < 2 * FEWEST or high - low > SPAN:
+        return np.nan
+    return total / count
+
+
+@njit(cache=True, nogil=True)
+def _constant(normal, right):  # type: ignore[no-untyped-def]
+    """First number of the least squares solution, by Cholesky from the last row up; a little damping of the slopes."""
+    n = len(right)
+    scale = normal[0, 0]
+    for i in range(1, n):
+        normal[i, i] += 1e-6 * scale
+    for j in range(n):
+        for k in range(j):
+            normal[j, j] -= normal[j, k] * normal[j, k]
+        if normal[j, j] <= 1e-12 * scale:
+            return np.nan
+        normal[j, j] = np.sqrt(normal[j, j])
+        for i in range(j + 1, n):
+            for k in range(j):
+                normal[i, j] -= normal[i, k] * normal[j, k]
+            normal[i, j] /= normal[j, j]
+    for i in range(n):
+        for k in range(i):
+            right[i] -= normal[i, k] * right[k]
+        right[i] /= normal[i, i]
+    for i in range(n - 1, -1, -1):
+        for k in range(i + 1, n):
+            right[i] -= normal[k, i] * right[k]
+        right[i] /= normal[i, i]
+    return right[0]

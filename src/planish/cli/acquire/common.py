@@ -1,0 +1,106 @@
+"""What the commands of `planish acquire` share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+if TYPE_CHECKING:
+    from planish.acquire.grid_mesh import Acquired
+    from planish.io.filecloud import FileCloud
+    from planish.types import Bools, Camera, Pixels
+
+Mask = Annotated[str, Parameter(name="--mask")]
+Picture = Annotated[Path | None, Parameter(name="--picture")]
+
+
+def check_outputs(output: Path, picture: Path | None, *, overwrite: bool) -> None:
+    """Refuse before any work a scan, or a picture of it, that could not be written after it."""
+    from planish.io.scan_write import check_scan_name
+
+    check_scan_name(output)
+    check_files(output, picture, overwrite=overwrite)
+
+
+def check_files(output: Path, picture: Path | None, *, overwrite: bool) -> None:
+    """Refuse before any work a file of any kind, or a picture, that could not be written after it."""
+    from planish.io import check_page_name, check_writable
+
+    check_writable(output, overwrite=overwrite)
+    if picture is not None:
+        check_page_name(picture)
+        check_writable(picture, overwrite=overwrite)
+
+
+def sheet_on(mask: str) -> Bools | str | None:
+    """What --mask asks for: "auto", None for everywhere, or the white part of an image."""
+    if mask in ("auto", "none"):
+        return "auto" if mask == "auto" else None
+    from planish.io import read_photo
+
+    pixels = read_photo(mask).pixels
+    return pixels[..., 0] > pixels.max() // 2
+
+
+def cloud_in_mm(cloud: FileCloud, units: str) -> tuple[float, list[str]]:
+    """How many mm make a unit of a point cloud's numbers, and what is to be said of the cloud."""
+    from planish.io.units import MM_PER_UNIT, decide_unit
+
+    unit, told = decide_unit(cloud.points[cloud.points.any(axis=1)], units, cloud.unit)
+    return MM_PER_UNIT[unit], [*cloud.warnings, *told]
+
+
+def photo_for(
+    photo: Path | None, camera: Path | None, mm_per_unit: float
+) -> tuple[Pixels | None, Camera | None, list[str]]:
+    """The photo that the user gives beside points, its camera, and what is to be said of it."""
+    from planish.errors import UsageError
+    from planish.io import read_camera, read_photo
+
+    if photo is None:
+        if camera is not None:
+            raise UsageError("--camera tells where a photo was taken from; give that with --photo")
+        return None, None, []
+    shot = read_photo(photo)
+    return shot.pixels, read_camera(camera, photo.name, mm_per_unit=mm_per_unit) if camera else None, shot.warnings
+
+
+def write_acquired(made: Acquired, output: Path, picture: Path | None) -> list[Path]:
+    """Write the scan and, if it is asked for, the picture to look at."""
+    import numpy as np
+
+    from planish.acquire.picture import picture as drawn
+    from planish.io import write_page, write_scan
+    from planish.types import Page
+
+    written = write_scan(output, made.scan)
+    if picture is not None:
+        pixels = drawn(made)
+        write_page(picture, Page(pixels, np.ones(pixels.shape[:2], bool), 100.0))
+        written.append(picture)
+    return written
+
+
+def say(made: Acquired, warnings: list[str], written: list[Path], *, quiet: bool) -> None:
+    """Print what was found, for a person; notes go to stderr."""
+    import sys
+
+    from rich.console import Console
+
+    if quiet:
+        return
+    errors = Console(stderr=True, highlight=False, soft_wrap=True, markup=False)
+    if made.scan.photo is None:
+        warnings = [
+            *warnings,
+            "no colours and no photo: `planish flatten` takes the scan, `planish restore` needs --photo",
+        ]
+    for warning in [*warnings, *made.warnings]:
+        errors.print(f"planish: note: {warning}")
+    if sys.stdout.isatty():
+        mesh = made.scan.mesh
+        print(f"{len(mesh.points):,} points, {len(mesh.faces):,} faces, noise {made.noise_mm:.3f} mm")
+        for path in written:
+            print(f"written  {path}")

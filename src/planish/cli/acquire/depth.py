@@ -1,0 +1,72 @@
+"""`planish acquire depth`: depth maps and a photo to a scan."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
+
+from planish.cli.acquire.common import Mask, Picture
+from planish.cli.options import Output, Quiet
+
+
+def depth(
+    depth_maps: Annotated[list[Path], Parameter(name="DEPTH")],
+    /,
+    *,
+    photo: Path,
+    camera: Path,
+    photo_camera: Path | None = None,
+    scale: float | Literal["auto", "realsense", "kinect", "tum", "mm", "m"] = "auto",
+    mask: Mask = "auto",
+    output: Output,
+    picture: Picture = None,
+    overwrite: bool = True,
+    quiet: Quiet = False,
+) -> None:
+    """Make a scan from the depth maps of a depth camera and a colour photo.
+
+    Parameters
+    ----------
+    depth_maps
+        16-bit PNG or TIFF, float TIFF, EXR, or .npy; or a folder of them. Several of the same scene are averaged.
+    photo
+        The colour photo.
+    camera
+        The depth camera (JSON).
+    photo_camera
+        The camera that took the photo (JSON), in the same world; lengths in mm. Without it the photo is taken to be
+        registered to the depth maps.
+    scale
+        How many of the file's numbers make a metre: realsense and kinect 1000, tum 5000. auto: 1000 for whole
+        numbers; floating ones below 20 are metres, others millimetres.
+    mask
+        Where on the photo the sheet is: an image that is white there; auto: bright paper on darker ground; none:
+        everywhere.
+    output
+        The scan to write: .ply or .obj with the photo beside it, or .glb.
+    picture
+        Also write a picture of the scan: its relief, its photo on it, and the confidence of every point.
+    overwrite
+        Whether files in place may be replaced.
+    quiet
+        Print nothing but errors.
+    """
+    from planish.acquire.range_image.depth import from_depth
+    from planish.cli.acquire.common import check_outputs, say, sheet_on, write_acquired
+    from planish.cli.talk import progress
+    from planish.io import read_camera, read_depths, read_photo
+
+    check_outputs(output, picture, overwrite=overwrite)
+    with progress(quiet=quiet) as tell:
+        tell("read", 0.0)
+        frames, warnings = read_depths(depth_maps, scale)
+        depth_camera = read_camera(camera)
+        seen_from = read_camera(photo_camera) if photo_camera else None
+        shot = read_photo(photo)
+        tell("acquire", 0.0)
+        made = from_depth(frames, depth_camera, shot.pixels, seen_from, mask=sheet_on(mask))
+        tell("write", 0.0)
+        written = write_acquired(made, output, picture)
+    say(made, [*warnings, *shot.warnings], written, quiet=quiet)

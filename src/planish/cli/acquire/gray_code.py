@@ -1,0 +1,111 @@
+"""`planish acquire gray-code` and `planish acquire patterns`: a camera and a projector."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from planish.cli.acquire.common import Mask, Picture
+from planish.cli.options import Output, Quiet
+
+
+def gray_code(
+    photos: Annotated[list[Path], Parameter(name="PHOTOS")],
+    /,
+    *,
+    camera: Path,
+    projector: Path,
+    projector_scale: float = 1.0,
+    photo: Path | None = None,
+    mask: Mask = "auto",
+    output: Output,
+    picture: Picture = None,
+    overwrite: bool = True,
+    quiet: Quiet = False,
+) -> None:
+    """Make a scan from photos of a sheet under a projector's Gray code.
+
+    Parameters
+    ----------
+    photos
+        A folder, or the files, in the order of `planish acquire patterns` (OpenCV's): for every bit of the column a
+        pattern and its inverse, then of the row; then the waves, if there are any; white; black.
+    camera
+        The camera (JSON).
+    projector
+        The projector (JSON), in the same world; its image_size is that of the patterns.
+    projector_scale
+        How many of the pixels that the projector was calibrated with lie along one pixel of the patterns.
+    photo
+        A photo by the same camera, to draw on the page. Without it the one under white is taken.
+    mask
+        Where on the photo the sheet is: an image that is white there; auto: bright paper on darker ground; none:
+        everywhere.
+    output
+        The scan to write: .ply or .obj with the photo beside it, or .glb.
+    picture
+        Also write a picture of the scan: its relief, its photo on it, and the confidence of every point.
+    overwrite
+        Whether files in place may be replaced.
+    quiet
+        Print nothing but errors.
+    """
+    from planish.acquire.structured_light.scan import check_size, from_gray_code
+    from planish.cli.acquire.common import check_outputs, say, sheet_on, write_acquired
+    from planish.cli.talk import progress
+    from planish.io import read_camera, read_captures, read_photo
+
+    check_outputs(output, picture, overwrite=overwrite)
+    with progress(quiet=quiet) as tell:
+        tell("read", 0.0)
+        cameras = read_camera(camera), read_camera(projector)
+        captured = read_captures(photos)
+        shot = captured.photo if photo is None else read_photo(photo).pixels
+        check_size(shot.shape[:2], cameras[0])
+        tell("acquire", 0.0)
+        made = from_gray_code(captured.frames, *cameras, shot, projector_scale=projector_scale, mask=sheet_on(mask))
+        tell("write", 0.0)
+        written = write_acquired(made, output, picture)
+    say(made, [], written, quiet=quiet)
+
+
+def patterns(
+    *,
+    size: tuple[int, int],
+    phase_steps: int = 0,
+    output: Output,
+    quiet: Quiet = False,
+) -> None:
+    """Write the Gray code images that a projector has to show, one after the other.
+
+    Parameters
+    ----------
+    size
+        Width and height of the projector in pixels.
+    phase_steps
+        Also waves with a period of 16 pixels, shifted by so many steps, for columns and for rows: twice as many images.
+        3 to 16; 8 stand the brightness curve of any projector. Worth it where the camera blurs the finest stripes.
+    output
+        The folder for the images; made if there is none.
+    quiet
+        Print nothing but errors.
+    """
+    import sys
+
+    from planish.acquire.structured_light.phase import with_code
+    from planish.errors import UsageError
+    from planish.io import make_folder
+    from planish.io.files import write_bytes
+    from planish.io.pages import png_bytes
+
+    width, height = size
+    if not (2 <= width <= 16384 and 2 <= height <= 16384):
+        raise UsageError(f"--size is {width} x {height}; width and height of the projector are wanted, 2 to 16384")
+    images = list(with_code((height, width), phase_steps))
+    make_folder(output)
+    for count, image in enumerate(images):
+        write_bytes(output / f"pattern_{count:02d}.png", png_bytes(image))
+    if not quiet and sys.stdout.isatty():
+        print(f"written  {len(images)} images to {output}; show each at its full size, and take one photo of each")

@@ -1,0 +1,85 @@
+"""`planish acquire grid`: a range image, points in rows and columns, to a scan."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from planish.cli.acquire.common import Mask, Picture
+from planish.cli.options import Output, Quiet
+from planish.settings import Units
+
+
+def grid(
+    file: Annotated[Path, Parameter(name="FILE")],
+    /,
+    *,
+    photo: Path | None = None,
+    camera: Path | None = None,
+    size: tuple[int, int] | None = None,
+    units: Units = "auto",
+    seen_from: tuple[float, float, float] | None = None,
+    mask: Mask = "auto",
+    output: Output,
+    picture: Picture = None,
+    overwrite: bool = True,
+    quiet: Quiet = False,
+) -> None:
+    """Make a scan from a range image: an organised point cloud.
+
+    Parameters
+    ----------
+    file
+        PLY with a range grid, PCD, PTX, E57 with rows and columns, or a text with x y z in each line. What was not
+        seen is 0 0 0 or nan.
+    photo
+        A photo to draw on the page: of the range image's size or a multiple of it, or with --camera. Without it the
+        points' own colours are taken.
+    camera
+        The camera that took the photo (JSON), in the world of the points; lengths in their unit.
+    size
+        Width and height of the range image, where the file does not tell them and the order of the points does not.
+    units
+        Of the file's numbers; auto: what the file says, else decided from the size.
+    seen_from
+        Where the scanner stood, in the file's numbers. Without it: where the file says, or the origin, if it lies in
+        front of the points; else the rows and columns are taken as seen from the printed side.
+    mask
+        Where on the photo the sheet is: an image that is white there; auto: bright paper on darker ground; none:
+        everywhere.
+    output
+        The scan to write: .ply or .obj with the photo beside it, or .glb.
+    picture
+        Also write a picture of the scan: its relief, its photo on it, and the confidence of every point.
+    overwrite
+        Whether files in place may be replaced.
+    quiet
+        Print nothing but errors.
+    """
+    import numpy as np
+
+    from planish.acquire.range_image.grid import from_grid, grid_photo
+    from planish.acquire.range_image.shape import grid_shape
+    from planish.cli.acquire.common import check_outputs, cloud_in_mm, photo_for, say, sheet_on, write_acquired
+    from planish.cli.talk import progress
+    from planish.io import read_cloud
+
+    check_outputs(output, picture, overwrite=overwrite)
+    with progress(quiet=quiet) as tell:
+        tell("read", 0.0)
+        cloud = read_cloud(file)
+        shape_rc = grid_shape(cloud.points, cloud.shape_rc, size and (size[1], size[0]))
+        mm_per_unit, warnings = cloud_in_mm(cloud, units)
+        shot, seen_by, notes = photo_for(photo, camera, mm_per_unit)
+        tell("acquire", 0.0)
+        points = (cloud.points * mm_per_unit).reshape(*shape_rc, 3)
+        if shot is None and cloud.colours is not None:
+            shot = grid_photo(points, cloud.colours.reshape(*shape_rc, 3))
+        stood = cloud.scanner if seen_from is None else np.array(seen_from)
+        eye = None if stood is None else stood * mm_per_unit
+        made = from_grid(points, shot, seen_by, seen_from=eye, mask=sheet_on(mask))
+        tell("write", 0.0)
+        written = write_acquired(made, output, picture)
+    say(made, [*warnings, *notes], written, quiet=quiet)

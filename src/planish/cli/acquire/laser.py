@@ -1,0 +1,79 @@
+"""`planish acquire laser`: photos of a laser line that sweeps over the sheet become a scan."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from planish.cli.acquire.common import Mask, Picture
+from planish.cli.options import Output, Quiet
+
+
+def laser(
+    frames: Annotated[list[Path], Parameter(name="FRAMES")],
+    /,
+    *,
+    photo: Path,
+    camera: Path,
+    planes: Path,
+    motion: Path | None = None,
+    mask: Mask = "auto",
+    output: Output,
+    picture: Picture = None,
+    overwrite: bool = True,
+    quiet: Quiet = False,
+) -> None:
+    """Make a scan from photos of a laser line that sweeps over the sheet.
+
+    Parameters
+    ----------
+    frames
+        The photos with the laser on, or a folder of them, in the order of their names. One at a time is in memory.
+    photo
+        The same view with the laser off; its print is divided out of the others, and it becomes the scan's photo.
+    camera
+        The camera (JSON).
+    planes
+        The laser's plane in every photo: CSV with the columns a, b, c, d [mm], or JSON with planes, with an axis and
+        angles, with a direction and positions, or with a background of two known planes (docs/formats.md).
+    motion
+        CSV with the columns photo and angle_deg (or position_mm), where --planes has a laser and its axis (or
+        direction) alone, as `planish calibrate laser` finds them.
+    mask
+        Where on the photo the sheet is: an image that is white there; auto: bright paper on darker ground; none:
+        everywhere.
+    output
+        The scan to write: .ply or .obj with the photo beside it, or .glb.
+    picture
+        Also write a picture of the scan: its relief, its photo on it, and the confidence of every point.
+    overwrite
+        Whether files in place may be replaced.
+    quiet
+        Print nothing but errors.
+    """
+    from planish.acquire.laser.sweep import from_laser, planes_from_background, sweep_stripes
+    from planish.cli.acquire.common import check_outputs, say, sheet_on, write_acquired
+    from planish.cli.talk import progress
+    from planish.io import read_camera, read_photo
+    from planish.io.captures import image_files
+    from planish.io.lasers import read_sweep
+
+    check_outputs(output, picture, overwrite=overwrite)
+    paths = [path for path in image_files(frames) if path.resolve() != photo.resolve()]
+    names = [path.name for path in paths]
+    with progress(quiet=quiet) as tell:
+        tell("read", 0.0)
+        seen_from = read_camera(camera)
+        known = read_sweep(planes, names, motion, seen_from)
+        off = read_photo(photo)
+        lines = 1 if isinstance(known, tuple) else known.shape[1]
+        sweep = sweep_stripes(lambda k: read_photo(paths[k]).pixels, names, off.pixels, lines=lines, tell=tell)
+        tell("acquire", 0.0)
+        if isinstance(known, tuple):
+            known = planes_from_background(sweep, names, seen_from, *known)
+        made = from_laser(sweep, names, off.pixels, seen_from, known, mask=sheet_on(mask))
+        tell("write", 0.0)
+        written = write_acquired(made, output, picture)
+    say(made, off.warnings, written, quiet=quiet)

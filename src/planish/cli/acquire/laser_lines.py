@@ -1,0 +1,85 @@
+"""`planish acquire laser-lines`: one photo with two laser lines across a book becomes a scan."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from planish.cli.acquire.common import Mask, Picture
+from planish.cli.options import Output, Quiet
+
+if TYPE_CHECKING:
+    from planish.types import Camera
+
+
+def laser_lines(
+    lit: Path,
+    /,
+    *,
+    lasers: Path,
+    photo: Path | None = None,
+    camera: Path | None = None,
+    mask: Mask = "none",
+    output: Output,
+    picture: Picture = None,
+    overwrite: bool = True,
+    quiet: Quiet = False,
+) -> None:
+    """Make a scan of a book from one photo with two fixed laser lines across it.
+
+    Parameters
+    ----------
+    lit
+        The photo with the lasers on; the lines run across it, the spine down it.
+    lasers
+        Where the lasers lie (JSON), from `planish calibrate laser-lines` or `planish calibrate laser`.
+    photo
+        The same view with the lasers off, for the page. Without it the lines stay on the page.
+    camera
+        The camera (JSON). Without it, the one that the lasers' file holds.
+    mask
+        Where on the photo the sheet is: an image that is white there; auto: bright paper on darker ground; none:
+        everywhere, with what lies around the book.
+    output
+        The scan to write: .ply or .obj with the photo beside it, or .glb.
+    picture
+        Also write a picture of the scan: its relief, its photo on it, and the confidence of every point.
+    overwrite
+        Whether files in place may be replaced.
+    quiet
+        Print nothing but errors.
+    """
+    from planish.acquire.laser.lines import from_laser_lines
+    from planish.cli.acquire.common import check_outputs, say, sheet_on, write_acquired
+    from planish.cli.talk import progress
+    from planish.io import read_camera, read_photo
+    from planish.io.lasers import check_camera, read_rig
+
+    check_outputs(output, picture, overwrite=overwrite)
+    with progress(quiet=quiet) as tell:
+        tell("read", 0.0)
+        planes, held, notes = read_rig(lasers)
+        seen_from = held if camera is None else read_camera(camera)
+        check_camera(lasers, held, seen_from)
+        on, off = read_photo(lit), None if photo is None else read_photo(photo)
+        tell("acquire", 0.0)
+        made = from_laser_lines(on.pixels, None if off is None else off.pixels, seen_from, planes, mask=sheet_on(mask))
+        tell("write", 0.0)
+        written = write_acquired(made, output, picture)
+    say(made, [*notes, *on.warnings, *([] if off is None else off.warnings)], written, quiet=quiet)
+
+
+def camera_of(photo: Path, shape_rc: tuple[int, int]) -> Camera:
+    """The camera that a photo's EXIF tells of: its focal length, the principal point in the middle."""
+    import numpy as np
+
+    from planish.errors import InputError
+    from planish.io.exif import focal_length_px
+    from planish.types import Camera
+
+    focal = focal_length_px(photo)
+    if focal is None:
+        raise InputError(f"{photo} does not tell the camera's focal length, and no --camera was given; calibrate it")
+    rows, cols = shape_rc
+    matrix = np.array([[focal, 0, (cols - 1) / 2], [0, focal, (rows - 1) / 2], [0, 0, 1]])
+    return Camera(matrix, np.eye(3), np.zeros(3), shape_rc)

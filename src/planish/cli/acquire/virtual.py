@@ -1,0 +1,136 @@
+"""`planish acquire virtual`: what a device of the gallery would deliver, so that everybody can try."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from planish.cli.options import Output, Quiet
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from numpy.typing import NDArray
+
+    from planish.gallery import Sheet
+    from planish.types import Camera, Page
+
+BOARD_MM = 18.0
+
+
+def virtual(
+    device: Literal["depth", "gray-code", "boards", "laser", "laser-lines", "grid", "points"],
+    /,
+    *,
+    output: Output,
+    sheet: Literal["book", "folded", "curl", "crumpled"] = "book",
+    small: bool = False,
+    phase_steps: int = 0,
+    quiet: Quiet = False,
+) -> None:
+    """Write the images that a device would take of a known sheet, to try the other commands on.
+
+    Parameters
+    ----------
+    device
+        depth: 30 depth maps and a photo. gray-code: the photos under a projector's patterns. boards: photos of a
+        board of 9 x 7 squares of 18 mm in eight poses, plain and under the patterns, by the same camera and projector.
+        laser: a sweep, its angles, and photos of a board of 7 x 9 squares of 18 mm with and without the line.
+        laser-lines: a page under two fixed lines, and squared paper of 8 mm under the same.
+        grid: the range image of a scanner of 640 x 480 points. points: a photogrammetry cloud, and a photo.
+    output
+        The folder; made if there is none. The true page and cameras are put into it as well.
+    sheet
+        book: a page of a thick bound book. folded: a letter folded in three. curl: a corner curled past the vertical.
+        crumpled: a sheet with random folds.
+    small
+        With half the pixels each way: a quarter of the time.
+    phase_steps
+        Of the waves beside the Gray code, as for `planish acquire patterns`.
+    quiet
+        Print nothing but errors.
+    """
+    from planish.cli.acquire.virtual_clouds import grid, points
+    from planish.cli.acquire.virtual_laser import laser, laser_lines
+    from planish.cli.demo import SHEETS
+    from planish.cli.talk import progress
+    from planish.gallery import sheet as known_sheet
+    from planish.io import make_folder, write_page
+
+    make_folder(output)
+    with progress(quiet=quiet) as tell:
+        tell("scan", 0.0)
+        if device == "boards":
+            _boards(output, small, phase_steps)
+            return
+        shown = known_sheet(SHEETS[sheet])
+        if device == "gray-code":
+            page = _gray_code(output, shown, small, phase_steps)
+        else:
+            made = {"depth": _depth, "laser": laser, "laser-lines": laser_lines, "grid": grid, "points": points}
+            page = made[device](output, shown, small)
+        write_page(output / "page.png", page)
+
+
+def _depth(folder: Path, sheet: Sheet, small: bool) -> Page:
+    import numpy as np
+
+    from planish.gallery.devices import depth_capture
+
+    made = depth_capture(sheet, shape_rc=(240, 320), photo_px=(1000, 750)) if small else depth_capture(sheet)
+    write_images(folder / "depth", [frame.astype(np.uint16) for frame in made.frames])
+    write_images(folder, [made.photo], "photo.png")
+    write_camera(folder / "depth_camera.json", made.camera)
+    write_camera(folder / "photo_camera.json", made.photo_camera)
+    return made.page
+
+
+def _gray_code(folder: Path, sheet: Sheet, small: bool, phase_steps: int) -> Page:
+    from planish.acquire.structured_light.phase import with_code
+    from planish.gallery import typeset_sheet
+    from planish.gallery.devices import SMALL_RIG, projector_rig, structured_light
+
+    camera, projector = projector_rig(sheet, *SMALL_RIG) if small else projector_rig(sheet)
+    page, _ = typeset_sheet(sheet)
+    made = structured_light(sheet, camera, projector, with_code(projector.shape_rc, phase_steps), page)
+    write_images(folder / "photos", list(made.frames))
+    write_images(folder, [made.photo], "photo.png")
+    write_camera(folder / "camera.json", camera)
+    write_camera(folder / "projector.json", projector)
+    return page
+
+
+def _boards(folder: Path, small: bool, phase_steps: int) -> None:
+    from planish.acquire.calibration.boards import Board, board_pixels
+    from planish.acquire.structured_light.phase import with_code
+    from planish.gallery import sheet
+    from planish.gallery.devices import SMALL_RIG, board_poses, posed, projector_rig, structured_light
+
+    camera, projector = projector_rig(sheet("book"), *SMALL_RIG) if small else projector_rig(sheet("book"))
+    pixels = board_pixels(Board(9, 7, BOARD_MM), 90)
+    whites = []
+    for k, (turn, middle) in enumerate(board_poses(8)):
+        board, page = posed(pixels, 90, BOARD_MM, turn, middle)
+        made = structured_light(board, camera, projector, with_code(projector.shape_rc, phase_steps), page)
+        write_images(folder / f"pose_{k}", list(made.frames))
+        whites.append(made.frames[-2])
+    write_images(folder / "camera", whites)
+
+
+def write_images(folder: Path, images: Iterable[NDArray], name: str = "{:03d}.png") -> None:
+    """Write PNG files, numbered from 0, into a folder that is made if there is none."""
+    from planish.io import make_folder
+    from planish.io.files import write_bytes
+    from planish.io.pages import png_bytes
+
+    make_folder(folder)
+    for k, image in enumerate(images):
+        write_bytes(folder / name.format(k), png_bytes(image))
+
+
+def write_camera(path: Path, camera: Camera) -> None:
+    """Write a camera as JSON."""
+    from planish.io import write_json
+    from planish.io.cameras import camera_as_json
+
+    write_json(path, camera_as_json(camera))

@@ -1,0 +1,80 @@
+"""What a camera beside a laser of the gallery would deliver, photos of boards for its calibration among it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from planish.cli.acquire.virtual import BOARD_MM, write_camera, write_images
+
+if TYPE_CHECKING:
+    from planish.gallery import Sheet
+    from planish.types import Floats, Page
+
+SQUARE_MM = 8.0
+
+FEET_MM = -20.0, 50.0, 120.0
+"""Where the laser would fall on the table; boards are held into its light twice each."""
+
+LOWER_MM, ASIDE_MM = 40.0, 55.0
+"""So much lower than before the projector they are held, and at most so far to the side: else the camera loses them."""
+
+
+def laser(folder: Path, sheet: Sheet, small: bool) -> Page:
+    """Write a sweep, with its angles, and boards with and without the line."""
+    import numpy as np
+
+    from planish.gallery.devices import board_poses
+    from planish.gallery.laser import MIRROR_MM, lit_sheet, plane_through, turned_deg, virtual_sweep
+
+    count, photo_px, line_mm = (48, (640, 480), 0.8) if small else (200, (2000, 1500), 0.35)
+    made = virtual_sweep(sheet, frames=count, photo_px=photo_px, line_mm=line_mm)
+    write_images(folder / "frames", (made.frame(k) for k in range(count)))
+    write_images(folder, [made.photo], "off.png")
+    _write_angles(folder / "frames.csv", turned_deg(made.planes[:, 0]))
+    feet = np.repeat(FEET_MM, 2)
+    shown = []
+    for foot, (turn, middle) in zip(feet, board_poses(len(feet)), strict=True):
+        middle[2] -= LOWER_MM
+        # so far down the way from the mirror to the table the light is as high as the board
+        light = MIRROR_MM[0] + (foot - MIRROR_MM[0]) * (1 - middle[2] / MIRROR_MM[2])
+        middle[0] = np.clip(light, -ASIDE_MM, ASIDE_MM)
+        board, print_ = _board((turn, middle))
+        plane = plane_through(MIRROR_MM, (foot, 0.0, 0.0))[None, None]
+        shown.append(lit_sheet(board, plane, printed=(print_, ""), camera=made.camera, line_mm=line_mm))
+    write_images(folder / "camera", (board.photo for board in shown))
+    write_images(folder / "boards", (board.frame(0) for board in shown))
+    _write_angles(folder / "boards.csv", turned_deg(np.concatenate([board.planes[:, 0] for board in shown])))
+    write_camera(folder / "camera.json", made.camera)
+    return made.page
+
+
+def laser_lines(folder: Path, sheet: Sheet, small: bool) -> Page:
+    """Write photos of a page and of squared paper under two fixed lines."""
+    from planish.gallery.laser import squared_paper, virtual_lines
+
+    photo_px, line_mm = ((900, 700), 0.8) if small else ((2000, 1500), 0.5)
+    made = virtual_lines(sheet, photo_px=photo_px, line_mm=line_mm)
+    squared = virtual_lines(
+        sheet, photo_px=photo_px, line_mm=line_mm, printed=squared_paper(sheet, SQUARE_MM), camera=made.camera
+    )
+    for name, taken in (("book", made), ("squared", squared)):
+        write_images(folder, [taken.frame(0)], f"{name}_on.png")
+        write_images(folder, [taken.photo], f"{name}_off.png")
+    write_camera(folder / "camera.json", made.camera)
+    return made.page
+
+
+def _board(pose: tuple[Floats, Floats]) -> tuple[Sheet, Page]:
+    """Hold a stiff board of 7 x 9 squares as a pose says."""
+    from planish.acquire.calibration.boards import Board, board_pixels
+    from planish.gallery.devices import posed
+
+    return posed(board_pixels(Board(7, 9, BOARD_MM), 90), 90, BOARD_MM, *pose)
+
+
+def _write_angles(path: Path, angles_deg: Floats) -> None:
+    from planish.io.files import write_bytes
+
+    rows = (f"{k:03d}.png,{angle:.6f}\n" for k, angle in enumerate(angles_deg))
+    write_bytes(path, ("photo,angle_deg\n" + "".join(rows)).encode())

@@ -1,0 +1,158 @@
+"""`planish calibrate board`, `camera` and `projector`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
+
+from planish.cli.acquire.common import Picture
+from planish.cli.calibrate.common import Kind, SquareMm, Squares
+from planish.cli.options import Output, Quiet
+
+
+def board(
+    *,
+    output: Output,
+    squares: Squares = (7, 10),
+    square_mm: SquareMm = 25.0,
+    kind: Kind = "charuco",
+    paper: Literal["a4", "letter"] = "a4",
+    overwrite: bool = True,
+) -> None:
+    """Draw a calibration board, to be printed at 100 % and glued to something flat.
+
+    Parameters
+    ----------
+    output
+        .pdf, or .png or .tif with its true dpi.
+    squares
+        How many across and down.
+    square_mm
+        Side of a square. Measure the print: that figure is the one to give to the other commands.
+    kind
+        charuco: squares with markers, which may be seen in part. chessboard: squares alone.
+    paper
+        What it is printed on.
+    overwrite
+        Whether a file in place may be replaced.
+    """
+    from planish.acquire.calibration.boards import Board, board_page
+    from planish.io import check_page_name, check_writable, write_page
+
+    check_page_name(output)
+    check_writable(output, overwrite=overwrite)
+    write_page(output, board_page(Board(*squares, square_mm, kind), paper))
+
+
+def camera(
+    photos: Annotated[list[Path], Parameter(name="PHOTOS")],
+    /,
+    *,
+    output: Output,
+    squares: Squares = (7, 10),
+    square_mm: SquareMm = 25.0,
+    kind: Kind = "charuco",
+    picture: Picture = None,
+    overwrite: bool = True,
+    quiet: Quiet = False,
+) -> None:
+    """Calibrate a camera from photos of the board in ten or more poses.
+
+    Parameters
+    ----------
+    photos
+        A folder, or the files: the board tilted by 20 to 40 degrees to all sides, everywhere in the view. Zoom and
+        focus must stay as they are, then and afterwards.
+    output
+        The camera (JSON).
+    squares
+        Of the board: how many across and down.
+    square_mm
+        Side of a square as measured on the print.
+    kind
+        charuco: squares with markers. chessboard: squares alone.
+    picture
+        Also draw where the corners were seen, and how the board stood.
+    overwrite
+        Whether files in place may be replaced.
+    quiet
+        Print nothing but errors.
+    """
+    from planish.acquire.calibration.boards import Board
+    from planish.acquire.calibration.camera import calibrate_camera
+    from planish.cli.acquire.common import check_files
+    from planish.cli.calibrate.common import write_calibration
+    from planish.cli.talk import progress
+    from planish.io import read_captures
+
+    check_files(output, picture, overwrite=overwrite)
+    shown = Board(*squares, square_mm, kind)
+    with progress(quiet=quiet) as tell:
+        tell("read", 0.0)
+        captured = read_captures(photos)
+        tell("calibrate", 0.0)
+        found = calibrate_camera(list(captured.frames), shown, [path.name for path in captured.paths])
+    write_calibration(found, shown, output, picture, quiet=quiet)
+
+
+def projector(
+    poses: Annotated[list[Path], Parameter(name="POSES")],
+    /,
+    *,
+    camera: Path,
+    size: tuple[int, int],
+    output: Output,
+    squares: Squares = (7, 10),
+    square_mm: SquareMm = 25.0,
+    kind: Kind = "charuco",
+    picture: Picture = None,
+    overwrite: bool = True,
+    quiet: Quiet = False,
+) -> None:
+    """Calibrate a projector beside a calibrated camera, from photos of the board under its Gray code.
+
+    Parameters
+    ----------
+    poses
+        Folders, one for each pose of the board: the photos of all patterns, as for `planish acquire gray-code`.
+        Camera and projector must stand still from here on.
+    camera
+        The camera that took them (JSON); its world becomes the projector's.
+    size
+        Width and height of the projector's patterns in pixels.
+    output
+        The projector (JSON).
+    squares
+        Of the board: how many across and down.
+    square_mm
+        Side of a square as measured on the print.
+    kind
+        charuco: squares with markers. chessboard: squares alone.
+    picture
+        Also draw where the projector lit the corners, and how the board stood.
+    overwrite
+        Whether files in place may be replaced.
+    quiet
+        Print nothing but errors.
+    """
+    from planish.acquire.calibration.boards import Board
+    from planish.acquire.calibration.camera import calibrate_projector
+    from planish.cli.acquire.common import check_files
+    from planish.cli.calibrate.common import write_calibration
+    from planish.cli.talk import progress
+    from planish.io import read_camera, read_captures
+
+    check_files(output, picture, overwrite=overwrite)
+    shown = Board(*squares, square_mm, kind)
+    with progress(quiet=quiet) as tell:
+        tell("read", 0.0)
+        seen_from = read_camera(camera)
+        captures = []
+        for k, pose in enumerate(poses):
+            tell("read", k / len(poses))
+            captures.append(read_captures([pose]).frames)
+        tell("calibrate", 0.0)
+        found = calibrate_projector(captures, shown, seen_from, (size[1], size[0]))
+    write_calibration(found, shown, output, picture, quiet=quiet)

@@ -1,0 +1,47 @@
+"""What the commands of `planish calibrate` share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from cyclopts import Parameter
+
+if TYPE_CHECKING:
+    from planish.acquire.calibration.boards import Board
+    from planish.acquire.calibration.camera import Calibration
+
+Squares = Annotated[tuple[int, int], Parameter(name="--squares")]
+SquareMm = Annotated[float, Parameter(name="--square-mm")]
+Kind = Annotated[Literal["charuco", "chessboard"], Parameter(name="--kind")]
+
+
+def write_calibration(found: Calibration, board: Board, output: Path, picture: Path | None, *, quiet: bool) -> None:
+    """Write the JSON and the picture; say how good the calibration is."""
+    import sys
+
+    import numpy as np
+    from rich.console import Console
+
+    from planish.acquire.calibration.poses import poses_picture
+    from planish.io import write_json, write_page
+    from planish.io.cameras import camera_as_json
+    from planish.types import Page
+
+    note = (
+        f"{len(found.errors_px)} photos of a board of {board.columns} x {board.rows} squares of {board.square_mm:g} "
+        f"mm; reprojection error {found.rms_px:.3f} px rms; focal length known to {100 * found.focal_sd:.2f} %"
+    )
+    write_json(output, {**camera_as_json(found.camera), "note": note})
+    if picture is not None:
+        pixels = poses_picture(found, board)
+        write_page(picture, Page(pixels, np.ones(pixels.shape[:2], bool), 100.0))
+    if quiet:
+        return
+    errors = Console(stderr=True, highlight=False, soft_wrap=True, markup=False)
+    for warning in found.warnings:
+        errors.print(f"planish: note: {warning}")
+    if sys.stdout.isatty():
+        print(note)
+        print("each photo, px:", *(f"{error:.2f}" for error in found.errors_px))
+        print(f"written  {output}")

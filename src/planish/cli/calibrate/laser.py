@@ -1,0 +1,142 @@
+"""`planish calibrate laser` and `laser-lines`: where lasers lie, from photos of a board or of squared paper."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from planish.cli.calibrate.common import Kind, SquareMm, Squares
+from planish.cli.options import Output, Quiet
+
+GUESSED_SQUARE_MM = 5.0
+
+
+def laser(
+    photos: Annotated[list[Path], Parameter(name="PHOTOS")],
+    /,
+    *,
+    camera: Path,
+    output: Output,
+    squares: Squares = (7, 10),
+    square_mm: SquareMm = 25.0,
+    kind: Kind = "charuco",
+    lines: int = 1,
+    motion: Path | None = None,
+    overwrite: bool = True,
+    quiet: Quiet = False,
+) -> None:
+    """Find the plane of a laser from photos of the board with the line on it, nearer and farther and tilted.
+
+    With --motion also the axis about which a mirror turns the laser's light.
+
+    Parameters
+    ----------
+    photos
+        Two or more, or a folder of them.
+    camera
+        The camera (JSON).
+    output
+        The JSON to write: “lasers”, their planes [mm], and the camera.
+    squares
+        How many across and down.
+    square_mm
+        Side of a square, as measured on the print.
+    kind
+        charuco: squares with markers, which may be seen in part. chessboard: squares alone.
+    lines
+        Laser lines in each photo.
+    motion
+        CSV with the columns photo and angle_deg: how far the light was turned in each photo. At the smallest and the
+        largest angle two photos or more are needed.
+    overwrite
+        Whether files in place may be replaced.
+    quiet
+        Print nothing but errors.
+    """
+    from planish.acquire.calibration.boards import Board
+    from planish.acquire.laser.axis import axis_of_boards
+    from planish.acquire.laser.board import planes_of_boards
+    from planish.errors import UsageError
+    from planish.io import check_writable, read_camera, read_photo
+    from planish.io.captures import image_files
+    from planish.io.lasers import read_motion, write_rig
+
+    check_writable(output, overwrite=overwrite)
+    paths = image_files(photos)
+    seen_from = read_camera(camera)
+    pixels = [read_photo(path).pixels for path in paths]
+    names = [path.name for path in paths]
+    shown = Board(*squares, square_mm, kind)
+    if motion is None:
+        found = planes_of_boards(pixels, names, seen_from, shown, lines=lines)
+        write_rig(output, found.planes, seen_from)
+        points, off = found.points, " and ".join(f"{rms:.3f}" for rms in found.rms_mm)
+    else:
+        moved, angles = read_motion(motion, names)
+        if moved != "angles_deg" or lines != 1:
+            raise UsageError("the axis is found for one laser line and from angles: --lines 1, and a column angle_deg")
+        axis = axis_of_boards(pixels, names, seen_from, shown, angles)
+        write_rig(output, axis.plane[None], seen_from, axis=(axis.point, axis.direction))
+        points, off = axis.points, f"{axis.rms_mm:.3f}"
+    if not quiet:
+        print(f"{points:,} points on {len(paths)} boards, {off} mm rms off the laser's plane")
+        print(f"written  {output}")
+
+
+def laser_lines(
+    lit: Path,
+    /,
+    *,
+    photo: Path | None = None,
+    camera: Path | None = None,
+    square_mm: float | None = None,
+    output: Output,
+    overwrite: bool = True,
+    quiet: Quiet = False,
+) -> None:
+    """Find two fixed lasers from one photo of their lines on squared paper, flat or in an open book.
+
+    Parameters
+    ----------
+    lit
+        The photo with the lasers on; the lines run across it.
+    photo
+        The same view with the lasers off.
+    camera
+        The camera (JSON). Without it the focal length is read from the photo's EXIF. Where no distortion of the lens is
+        given, it and the principal point are found as well.
+    square_mm
+        Side of a square [mm]. Without it squares of 5 mm are assumed: pages come out in shape, but not at true size.
+    output
+        The JSON to write: “lasers”, their planes [mm], and the camera.
+    overwrite
+        Whether files in place may be replaced.
+    quiet
+        Print nothing but errors.
+    """
+    import sys
+
+    from planish.acquire.laser.rig import rig_of_squares
+    from planish.cli.acquire.laser_lines import camera_of
+    from planish.io import check_writable, read_camera, read_photo
+    from planish.io.lasers import write_rig
+
+    check_writable(output, overwrite=overwrite)
+    on, off = read_photo(lit).pixels, None if photo is None else read_photo(photo).pixels
+    seen_from = camera_of(lit, on.shape[:2]) if camera is None else read_camera(camera)
+    side = GUESSED_SQUARE_MM if square_mm is None else square_mm
+    rig = rig_of_squares(on, off, seen_from, side, lens=not seen_from.distortion.any())
+    note = None
+    if square_mm is None:
+        note = (
+            f"the size of the squares was not given, and {side:g} mm assumed: the true size of pages is not known "
+            "(--square-mm)"
+        )
+    write_rig(output, rig.planes, rig.camera, note)
+    if not quiet:
+        if note:
+            print(f"planish: note: {note}", file=sys.stderr)
+        print(f"{rig.corners:,} corners of squares, {rig.rms_squares:.3f} squares rms off their lattice")
+        print(f"written  {output}")

@@ -1,0 +1,73 @@
+"""What `planish batch` says while it works and when it is done."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from datetime import timedelta
+from time import monotonic
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+if TYPE_CHECKING:
+    from planish.batch import Counts, Row
+
+
+@contextmanager
+def following(count: int, *, quiet: bool, verbose: bool) -> Iterator[Callable[[Row, int, int], None]]:
+    """A bar on stderr with rate and time left, when a person is looking; a line an item on stdout, when asked for."""
+    with Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[rate]}"),
+        TimeElapsedColumn(),
+        console=Console(stderr=True),
+        transient=True,
+        disable=quiet or not sys.stderr.isatty(),
+    ) as bar:
+        task = bar.add_task("Restoring", total=count, rate="")
+        start, failed = monotonic(), 0
+
+        def tell(row: Row, settled: int, now: int) -> None:
+            nonlocal failed
+            failed += row.status == "failed"
+            said = f"Restoring, {failed} failed" if failed else "Restoring"
+            bar.update(task, completed=settled, description=said, rate=_rate(now, monotonic() - start, count - settled))
+            if verbose:
+                error = "" if row.expected_error_mm is None else f"{row.expected_error_mm:.3f} mm"
+                print(row.name, row.status, error or row.sentence, sep="\t", flush=True)
+
+        yield tell
+
+
+def _rate(done: int, seconds: float, left: int) -> str:
+    """Of this run alone: what an earlier one has done took no time.
+
+    Examples
+    --------
+    >>> _rate(20, 60, 100)
+    '1,200 an hour, 0:05:00 left'
+    """
+    if not done:
+        return ""
+    return f"{3600 * done / seconds:,.0f} an hour, {timedelta(seconds=round(left * seconds / done))} left"
+
+
+def say_counts(counts: Counts, notes: list[str], *, quiet: bool, verbose: bool) -> None:
+    """Print how it ended, for a person; notes go to stderr."""
+    if quiet:
+        return
+    errors = Console(stderr=True, highlight=False, soft_wrap=True, markup=False)
+    for note in notes:
+        errors.print(f"planish: note: {note}")
+    if verbose or sys.stdout.isatty():
+        good = counts.items - counts.failed - counts.not_settled - counts.warned
+        print(
+            f"{counts.items:,} scans: {good:,} good, {counts.warned:,} with warnings, {counts.not_settled:,} not "
+            f"settled, {counts.failed:,} failed; {counts.done_now:,} done now"
+        )
+        print(f"written  {counts.summary}")
