@@ -5,7 +5,6 @@
 | `UsageError`      | 2         | the command line contradicts itself                       |
 | `InputError`      | 3         | the input cannot be used                                  |
 | `OutputError`     | 4         | the output cannot be written                              |
-| `NotSettledError` | 5         | the sheet did not settle (only where a caller wants that) |
 | `MissingExtraError` | 6       | an optional part of planish is not installed              |
 
 A message names the thing, what was found, what was wanted and what to do, in one line.
@@ -34,12 +33,6 @@ class OutputError(PlanishError):
     """The output cannot be written: no folder, no permission, no room."""
 
     exit_code = 4
-
-
-class NotSettledError(PlanishError):
-    """The sheet did not come to rest on the plane."""
-
-    exit_code = 5
 
 
 class MissingExtraError(PlanishError):

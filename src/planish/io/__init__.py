@@ -2,9 +2,10 @@
 
 from planish.io.cameras import read_camera
 from planish.io.captures import image_files, read_captures
+from planish.io.clouds import read_cloud
 from planish.io.depths import read_depths
 from planish.io.exif import focal_length_px
-from planish.io.files import all_or_nothing, check_writable, make_folder, write_json
+from planish.io.files import all_or_nothing, check_writable, make_folder, write_bytes, write_json
 from planish.io.flats import check_flat_name, write_flat
 from planish.io.images import Photo, read_photo
 from planish.io.metadata import Origin, fingerprints, origin_of
@@ -31,11 +32,13 @@ __all__ = [
     "page_names",
     "read_camera",
     "read_captures",
+    "read_cloud",
     "read_depths",
     "read_photo",
     "read_scan",
     "text_layer",
     "way_up",
+    "write_bytes",
     "write_flat",
     "write_json",
     "write_page",

@@ -8,6 +8,8 @@ from typing import Any, BinaryIO
 
 from PIL import Image
 
+from planish.io.silence import silence
+
 _EXIF = 0x8769
 _FOCAL_LENGTH, _FOCAL_LENGTH_35_MM = 0x920A, 0xA405
 _PLANE_X_RESOLUTION, _PLANE_UNIT = 0xA20E, 0xA210
@@ -38,7 +40,7 @@ def focal_length_px(file: str | Path | BinaryIO) -> float | None:
     300.5
     """
     try:
-        with Image.open(file) as image:
+        with silence(), Image.open(file) as image:
             width, height = image.size
             said: dict[int, Any] = dict(image.getexif().get_ifd(_EXIF))
     except Exception:  # decoders raise nearly every class there is on damaged files; without EXIF we go on

@@ -46,7 +46,8 @@ def check_faces(path: Path, points: Floats, polygons: Polygons) -> None:
     if not len(polygons.sizes):
         raise InputError(
             f"{path} holds {len(points)} points and no faces; is this a point cloud, or was the file cut short?"
-            " A triangle mesh is wanted: let the scanner's software make one"
+            " A triangle mesh is wanted: `planish acquire grid` makes one of a range image, `planish acquire points` of"
+            " other points"
         )
     bad = np.flatnonzero((polygons.corners < 0) | (polygons.corners >= len(points)))
     if len(bad):

@@ -5,18 +5,20 @@ from __future__ import annotations
 import errno
 import json
 import os
-import secrets
 import shutil
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Container, Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import asdict, is_dataclass
 from pathlib import Path
+from threading import RLock
 from typing import Any
 
 import numpy as np
 
 from planish.errors import InputError, OutputError
+from planish.io.parts import Part
+from planish.memory import check_memory
 
 _REASONS = {
     errno.ENOSPC: "there is no room left on the disk; free some, or write elsewhere",
@@ -29,22 +31,29 @@ _REASONS = {
 }
 
 
-_WAITING: ContextVar[list[tuple[Path, Path]] | None] = ContextVar("_WAITING", default=None)
+_PART = 1 << 26
+"""Bytes that are read at a time where a file's size is not known."""
+
+_WAITING: ContextVar[list[tuple[Part, Path]] | None] = ContextVar("_WAITING", default=None)
 """Finished files and the names that they shall get, inside `all_or_nothing`."""
 
 
 _UNFINISHED: dict[int, Callable[[], None]] = {}
 """What takes away the files that are being written just now."""
 
+_PLACING = RLock()
+"""Held while files take their places together, so that no signal comes between them."""
+
 
 def drop_unfinished() -> None:
     """Take away all that is half-written, for a process that is about to end in the middle of it."""
-    for tidy in list(_UNFINISHED.values()):
-        tidy()
+    with _PLACING:
+        for tidy in list(_UNFINISHED.values()):
+            tidy()
 
 
 @contextmanager
-def _tidied(tidy: Callable[[], None]) -> Iterator[None]:
+def tidied(tidy: Callable[[], None]) -> Iterator[None]:
     """Tidy at the end of the block, or when the process ends within."""
     _UNFINISHED[id(tidy)] = tidy
     try:
@@ -60,20 +69,58 @@ def read_bytes(path: str | Path) -> bytes:
     Raises
     ------
     InputError
-        If there is no such file, it is a folder, it is empty, or the system refuses.
+        If there is no such file, it is a folder, it is empty, it does not fit into the memory, or the system refuses.
     """
     path = Path(path)
+    with _reading(path), path.open("rb") as file:
+        size = os.fstat(file.fileno()).st_size
+        check_memory(size, f"reading {path}", "close other programs, or give a smaller file")
+        parts = [file.read(size)]
+        while part := file.read(_PART):  # of a pipe or a device, whose size is not known
+            parts.append(part)
+            size += len(part)
+            check_memory(size, f"reading {path}, which has no end so far,", "is it the right file?")
+    data = parts[0] if len(parts) == 1 else b"".join(parts)
+    if not data:
+        raise InputError(f"{path} is empty (0 bytes); was it copied or downloaded to its end?")
+    return data
+
+
+def is_folder(path: Path) -> bool:
+    """Whether there is a folder of this name.
+
+    Raises
+    ------
+    InputError
+        If the system does not tell: the name is too long, or looking there is not permitted.
+    """
+    with _reading(path):
+        return path.is_dir()
+
+
+def files_in(folder: Path, suffixes: Container[str]) -> list[Path]:
+    """The files in a folder that have one of these suffixes, in small letters, and are not hidden; by name.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be read.
+    """
+    with _reading(folder):
+        return sorted(p for p in folder.iterdir() if p.suffix.lower() in suffixes and not p.name.startswith("."))
+
+
+@contextmanager
+def _reading(path: Path) -> Iterator[None]:
+    """Turn the system's errors into sentences."""
     try:
-        data = path.read_bytes()
+        yield
     except FileNotFoundError:
         raise InputError(f"{path}: there is no such file") from None
     except IsADirectoryError:
         raise InputError(f"{path} is a folder; the name of a file in it is wanted") from None
     except (OSError, ValueError) as problem:  # ValueError: a null byte in the name
         raise InputError(f"{path} cannot be read: {getattr(problem, 'strerror', None) or problem}") from None
-    if not data:
-        raise InputError(f"{path} is empty (0 bytes); was it copied or downloaded to its end?")
-    return data
 
 
 def check_writable(path: str | Path, *, overwrite: bool = True) -> None:
@@ -86,6 +133,11 @@ def check_writable(path: str | Path, *, overwrite: bool = True) -> None:
         `overwrite` is false.
     """
     path = Path(path)
+    with telling(path):
+        _check_writable(path, overwrite)
+
+
+def _check_writable(path: Path, overwrite: bool) -> None:
     if not path.name:
         raise OutputError(f"{path} is a folder; the name of a file to write is wanted")
     folder = path.resolve().parent
@@ -115,7 +167,7 @@ def make_folder(path: str | Path) -> None:
         If a file stands there, or the system refuses.
     """
     path = Path(path)
-    with _telling(path):
+    with telling(path):
         try:
             path.mkdir(parents=True, exist_ok=True)
         except (FileExistsError, NotADirectoryError):
@@ -136,33 +188,35 @@ def writing(path: str | Path) -> Iterator[Path]:
     path = Path(path)
     check_writable(path)
     if _is_stream(path):  # a pipe or /dev/stdout must be written to, not replaced
-        with _telling(path):
+        with telling(path):
             yield path
         return
     target = path.resolve()  # through a symbolic link
-    beside = target.with_name(f".{target.name[:100]}.{secrets.token_hex(4)}.part")
-    waiting, finished = _WAITING.get(), False
+    with telling(path):
+        part = Part(target)
+    waiting, handed_on = _WAITING.get(), False
 
     def tidy() -> None:
-        if not finished:
-            beside.unlink(missing_ok=True)
+        if not handed_on:
+            part.drop()
 
-    with _tidied(tidy), _telling(path):
-        yield beside
+    with tidied(tidy), telling(path):
+        yield part.path
         if target.exists():
-            shutil.copymode(target, beside)
+            shutil.copymode(target, part.path)
+        part.sync()
         if waiting is None:
-            beside.replace(target)
+            part.take_place(target)
         else:
-            waiting.append((beside, target))
-            finished = True
+            waiting.append((part, target))
+            handed_on = True
 
 
 @contextmanager
 def all_or_nothing() -> Iterator[None]:
     """Let the files that are written inside take their places together, at the end; none of them if it ends badly.
 
-    Folders (tifxyz) and pipes are written at once all the same.
+    Folders (tifxyz) and pipes are written at once all the same. Within another such block the files wait for its end.
 
     Examples
     --------
@@ -175,21 +229,26 @@ def all_or_nothing() -> Iterator[None]:
     ...     before, sorted(path.name for path in Path(folder).iterdir())
     (['.part', '.part'], ['a.txt', 'b.txt'])
     """
-    waiting: list[tuple[Path, Path]] = []
+    waiting: list[tuple[Part, Path]] = []
 
     def tidy() -> None:
-        for beside, _ in waiting:
-            beside.unlink(missing_ok=True)
+        for part, _ in waiting:
+            part.drop()
 
+    outer = _WAITING.get()
     mark = _WAITING.set(waiting)
-    with _tidied(tidy):
+    with tidied(tidy):
         try:
             yield
         finally:
             _WAITING.reset(mark)
-        for beside, target in waiting:
-            with _telling(target):
-                beside.replace(target)
+        if outer is not None:
+            outer += waiting
+            waiting.clear()
+        with _PLACING:
+            for part, target in waiting:
+                with telling(target):
+                    part.take_place(target)
 
 
 @contextmanager
@@ -206,21 +265,23 @@ def writing_folder(path: str | Path) -> Iterator[Path]:
     target = path.resolve()
     if target.is_file():
         raise OutputError(f"{path} is a file, not a folder; give another name")
-    beside = target.with_name(f".{target.name[:100]}.{secrets.token_hex(4)}.part")
-    before = beside.with_suffix(".before")
+    with telling(path):
+        part = Part(target, folder=True)
+    before = part.path.with_suffix(".before")
 
     def tidy() -> None:
         if before.exists() and not target.exists():
             before.rename(target)
-        shutil.rmtree(beside, ignore_errors=True)
+        part.drop()
         shutil.rmtree(before, ignore_errors=True)
 
-    with _tidied(tidy), _telling(path):
-        beside.mkdir()
-        yield beside
+    with tidied(tidy), telling(path):
+        yield part.path
+        part.sync()
+        shutil.rmtree(before, ignore_errors=True)
         if target.exists():
             target.rename(before)
-        beside.rename(target)
+        part.take_place(target)
 
 
 def write_bytes(path: str | Path, data: bytes | Iterable[bytes]) -> None:
@@ -265,7 +326,7 @@ def _is_stream(path: Path) -> bool:
 
 
 @contextmanager
-def _telling(path: Path) -> Iterator[None]:
+def telling(path: Path) -> Iterator[None]:
     """Turn the system's errors into sentences."""
     try:
         yield

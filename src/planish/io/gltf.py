@@ -36,10 +36,10 @@ Json = dict[str, Any]
 class _Document:
     """The JSON and its buffers."""
 
-    def __init__(self, path: Path, tree: Json, binary: bytes | None):
-        self.path = path
+    def __init__(self, path: Path, tree: Json, binary: bytes | None, inside: Path | None):
+        self.path, self.inside = path, inside
         self.tree = tree
-        self.buffers = [_buffer(path, buffer, binary) for buffer in tree.get("buffers", [])]
+        self.buffers = [_buffer(path, buffer, binary, inside) for buffer in tree.get("buffers", [])]
 
     def view(self, number: int) -> memoryview:
         """The bytes of a buffer view."""
@@ -86,8 +86,10 @@ class _Document:
 
 
 @np.errstate(invalid="ignore", over="ignore")  # for points that are not finite
-def read_gltf(path: Path, data: bytes) -> FileMesh:
+def read_gltf(path: Path, data: bytes, inside: Path | None = None) -> FileMesh:
     """Read a GLB or glTF, all meshes of its scene as one, in metres as the standard has it.
+
+    Buffers and image come only from within the folder `inside`, if one is given.
 
     Raises
     ------
@@ -95,7 +97,7 @@ def read_gltf(path: Path, data: bytes) -> FileMesh:
         If it is no glTF 2.0, damaged or cut short, packed in a way that is not read, or holds no surface.
     """
     try:
-        return _read(path, data)
+        return _read(path, data, inside)
     except InputError:
         raise
     except (
@@ -115,8 +117,8 @@ def read_gltf(path: Path, data: bytes) -> FileMesh:
         ) from problem
 
 
-def _read(path: Path, data: bytes) -> FileMesh:
-    document = _Document(path, *_container(path, data))
+def _read(path: Path, data: bytes, inside: Path | None) -> FileMesh:
+    document = _Document(path, *_container(path, data), inside)
     points, faces, uv, uv_faces, images = [], [], [], [], []
     point_count = uv_count = 0
     for primitive, placed in _placed_primitives(document.tree):
@@ -187,18 +189,18 @@ def _chunks(path: Path, data: bytes) -> tuple[bytes, bytes | None]:
     return found[_JSON_CHUNK], found.get(_BINARY_CHUNK)
 
 
-def _buffer(path: Path, told: Json, binary: bytes | None) -> bytes:
+def _buffer(path: Path, told: Json, binary: bytes | None, inside: Path | None) -> bytes:
     if "uri" not in told:
         if binary is None:
             raise ValueError("a buffer has no data")
         return binary
-    return _at_uri(path, told["uri"])
+    return _at_uri(path, told["uri"], inside)
 
 
-def _at_uri(path: Path, uri: str) -> bytes:
+def _at_uri(path: Path, uri: str, inside: Path | None) -> bytes:
     if uri.startswith("data:"):
         return base64.b64decode(uri.partition(",")[2])
-    found = find_beside(path, unquote(uri))
+    found = find_beside(path, unquote(uri), inside)
     if found is None:
         raise InputError(f"{path} names the file {unquote(uri)}, which does not exist beside it")
     return read_bytes(found)
@@ -312,5 +314,5 @@ def _image(document: _Document, told: Json) -> tuple[Path | bytes | None, list[s
     if "bufferView" in told:
         return bytes(document.view(told["bufferView"])), []
     if told["uri"].startswith("data:"):
-        return _at_uri(document.path, told["uri"]), []
-    return find_image(document.path, unquote(told["uri"]))
+        return _at_uri(document.path, told["uri"], document.inside), []
+    return find_image(document.path, unquote(told["uri"]), document.inside)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import logging
-import warnings as python_warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,6 +15,8 @@ from PIL import Image, ImageCms
 
 from planish.errors import InputError
 from planish.io.files import read_bytes
+from planish.io.silence import silence
+from planish.memory import check_memory
 from planish.types import Pixels
 
 FORMATS = {
@@ -33,6 +34,13 @@ _WANTED = "one of " + ", ".join(FORMATS.values())
 
 MOST_MEGAPIXELS = 400.0
 """A larger photo is refused before it fills the memory: 400 megapixels of 16 bit colour are 2.4 GB."""
+
+PLAUSIBLE_MEGAPIXELS, PLAUSIBLE_PACKING = 16.0, 2000.0
+"""A larger image, packed more tightly, was damaged or made to fill the memory: photos are packed into a tenth or a
+hundredth of their bytes, and Deflate at its best packs white paper into a thousandth."""
+
+_BYTES_PER_PIXEL = {8: 10.0, 16: 16.0}
+"""That decoding takes, by the bits of the file's colours: the decoder's pixels and one or two copies of ours."""
 
 FEWEST_PIXELS = 8
 """A photo with fewer pixels across shows no page."""
@@ -96,10 +104,8 @@ def decode_photo(name: str, data: bytes, *, upright: bool = False) -> Photo:
     warnings: list[str] = []
     with _decoding(name):
         image = Image.open(io.BytesIO(data), formats=list(FORMATS))
-        _check_size(name, image)
-        orientation = image.getexif().get(_ORIENTATION, 1)
-        if orientation not in range(2, 9):
-            orientation = 1
+        _check_size(name, image, data)
+        orientation = _orientation(image)
         image.load()  # finds every damage that Pillow can find
         pixels, icc = _stored_pixels(name, data, image, orientation, warnings)
         pixels, icc = _three_channels(name, pixels, icc, warnings)
@@ -126,18 +132,17 @@ def decode_grid(name: str, data: bytes, kind: Literal["TIFF", "PNG"] = "TIFF") -
     """
     with _decoding(name, f"a {kind}"):
         image = Image.open(io.BytesIO(data), formats=[kind])
-        _check_size(name, image, fewest=1)
+        _check_size(name, image, data, fewest=1)
         image.load()
         return np.array(image)
 
 
 @contextmanager
 def _decoding(name: str, wanted: str = _WANTED) -> Iterator[None]:
-    """Let Pillow open large images, silence its warnings, and make one sentence of whatever a bad file raises."""
+    """Let Pillow open large images, keep decoders quiet, and make one sentence of whatever a bad file raises."""
     limit, Image.MAX_IMAGE_PIXELS = Image.MAX_IMAGE_PIXELS, None
     try:
-        with python_warnings.catch_warnings():
-            python_warnings.simplefilter("ignore")
+        with silence():
             yield
     except InputError:
         raise
@@ -152,15 +157,33 @@ def _decoding(name: str, wanted: str = _WANTED) -> Iterator[None]:
         Image.MAX_IMAGE_PIXELS = limit
 
 
-def _check_size(name: str, image: Image.Image, fewest: int = FEWEST_PIXELS) -> None:
+def _check_size(name: str, image: Image.Image, data: bytes, fewest: int = FEWEST_PIXELS) -> None:
     width, height = image.size
-    if width * height > MOST_MEGAPIXELS * 1e6:
+    megapixels = width * height / 1e6
+    if megapixels > MOST_MEGAPIXELS:
         raise InputError(
-            f"{name} has {width} x {height} = {width * height / 1e6:.0f} megapixels; at most {MOST_MEGAPIXELS:.0f} are"
-            " read. Give a smaller photo"
+            f"{name} has {width} x {height} = {megapixels:.0f} megapixels; at most {MOST_MEGAPIXELS:.0f} are read. Give"
+            " a smaller photo"
+        )
+    unpacked = width * height * (1 / 8 if image.mode == "1" else len(image.getbands()))
+    if megapixels > PLAUSIBLE_MEGAPIXELS and unpacked > PLAUSIBLE_PACKING * len(data):
+        raise InputError(
+            f"{name} says that it has {width} x {height} pixels, but no photo fits so many into {len(data)} bytes; is"
+            " the file damaged or cut short?"
         )
     if min(width, height) < fewest:
         raise InputError(f"{name} is {width} x {height} pixels; a photo of the sheet is wanted")
+    per_pixel = _BYTES_PER_PIXEL[16 if _has_sixteen_bits(data, image) else 8]
+    check_memory(width * height * per_pixel, f"{name} with its {megapixels:.0f} megapixels", "give a smaller photo")
+
+
+def _orientation(image: Image.Image) -> int:
+    """How the photo asks to be shown, 1 to 8; 1 (as it is stored) also where its EXIF is damaged."""
+    try:
+        told: Any = image.getexif().get(_ORIENTATION)
+    except Exception:  # the reader of EXIF raises nearly every class there is; the pixels are what counts
+        return 1
+    return told if told in range(2, 9) else 1
 
 
 def _stored_pixels(

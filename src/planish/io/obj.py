@@ -46,8 +46,8 @@ _LOST_POINTS = 0.1
 """More points than this part without a face, and the file may have been cut short."""
 
 
-def read_obj(path: Path, data: bytes) -> FileMesh:
-    """Read an OBJ, all its groups as one mesh.
+def read_obj(path: Path, data: bytes, inside: Path | None = None) -> FileMesh:
+    """Read an OBJ, all its groups as one mesh; MTL and image only from within the folder `inside`, if one is given.
 
     Raises
     ------
@@ -59,14 +59,14 @@ def read_obj(path: Path, data: bytes) -> FileMesh:
     reader = tinyobjloader.ObjReader()
     config = tinyobjloader.ObjReaderConfig()
     config.triangulate = False
-    mtl, warnings = _materials_text(path, data)
+    mtl, warnings = _materials_text(path, data, inside)
     if not reader.ParseFromString(data, mtl, config):
         raise InputError(f"{path} is no OBJ that can be read: {_first_line(reader.Error())}; was the file cut short?")
     points = _dense(reader.GetAttrib().numpy_vertices()).reshape(-1, 3)
     polygons, materials = _polygons(reader)
     check_faces(path, points, polygons)
     warnings += _check_complete(path, points, polygons, whole)
-    polygons, texture, told = _texture(path, polygons, materials, reader.GetMaterials())
+    polygons, texture, told = _texture(path, polygons, materials, reader.GetMaterials(), inside)
     return FileMesh(points, polygons, texture, _unit(data), warnings=warnings + told)
 
 
@@ -149,14 +149,14 @@ def _first_line(text: str) -> str:
 # Materials
 
 
-def _materials_text(path: Path, data: bytes) -> tuple[str, list[str]]:
+def _materials_text(path: Path, data: bytes, inside: Path | None) -> tuple[str, list[str]]:
     """The text of all MTL files that the OBJ names, and a sentence on each that is missing."""
     texts, warnings = [], []
     for line in re.finditer(rb"mtllib[ \t]+([^\n]*)", data):  # not ^mtllib, which is ten times as slow to search for
         if data[data.rfind(b"\n", 0, line.start()) + 1 : line.start()].strip():
             continue  # a comment, or part of another word
         name = line[1].strip().decode("utf-8", "replace")
-        found = find_beside(path, name)
+        found = find_beside(path, name, inside)
         if found is None:
             warnings.append(f"{path} names the material file {name}, which does not exist")
             continue
@@ -173,7 +173,7 @@ def _materials_text(path: Path, data: bytes) -> tuple[str, list[str]]:
 
 
 def _texture(
-    path: Path, polygons: Polygons, materials: Ints, known: list[tinyobjloader.material_t]
+    path: Path, polygons: Polygons, materials: Ints, known: list[tinyobjloader.material_t], inside: Path | None
 ) -> tuple[Polygons, Path | None, list[str]]:
     """The image of the material that most faces have."""
     names = [material.diffuse_texname for material in known]
@@ -182,7 +182,7 @@ def _texture(
     polygons, chosen, warnings = use_one_image(path, polygons, images, image_of_material[materials])
     if chosen is None:
         return polygons, None, warnings
-    image, missing = find_image(path, images[chosen])
+    image, missing = find_image(path, images[chosen], inside)
     return polygons, image, warnings + missing
 
 

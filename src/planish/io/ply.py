@@ -62,8 +62,8 @@ class Column:
 
 
 @np.errstate(invalid="ignore", over="ignore")  # for points that are not finite
-def read_ply(path: Path, data: bytes) -> FileMesh:
-    """Read a PLY.
+def read_ply(path: Path, data: bytes, inside: Path | None = None) -> FileMesh:
+    """Read a PLY; its image only from within the folder `inside`, if one is given.
 
     Texture coordinates are those of the faces (list ``texcoord``, with the number of the image in ``texnumber``),
     else those of the points (s t, u v or texture_u texture_v). The images are named by ``comment TextureFile``.
@@ -73,25 +73,37 @@ def read_ply(path: Path, data: bytes) -> FileMesh:
     InputError
         If the header cannot be understood, the file was cut short, or it holds no surface.
     """
-    elements, order, comments, start = _header(path, data)
-    body: NDArray = np.frombuffer(data, np.uint8)
-    if order == "=":
-        body, start = _ascii_numbers(path, data[start:]), 0
-    tables: dict[str, dict[str, Column]] = {}
-    for element in elements:
-        if {"vertex", "face"} <= tables.keys():
-            break  # what follows is not needed
-        tables[element.name], start = _read_element(path, element, body, start, order)
-    points = _points(path, tables.get("vertex", {}))
+    tables, comments = ply_tables(path, data, {"vertex", "face"})
+    points = ply_points(path, tables.get("vertex", {}))
     polygons, image_of_face = _polygons(path, tables)
     check_faces(path, points, polygons)
     names = [_texture_file(line) for line in comments if line.lower().startswith("texturefile ")]
     polygons, chosen, warnings = use_one_image(path, polygons, names, np.minimum(image_of_face, len(names) - 1))
     texture = None
     if chosen is not None:
-        texture, missing = find_image(path, names[chosen])
+        texture, missing = find_image(path, names[chosen], inside)
         warnings += missing
     return FileMesh(points, polygons, texture, unit_named_in("\n".join(comments)), warnings=warnings)
+
+
+def ply_tables(path: Path, data: bytes, wanted: set[str]) -> tuple[dict[str, dict[str, Column]], list[str]]:
+    """The columns of each element by their names, up to the last one wanted, and the comments with every obj_info.
+
+    Raises
+    ------
+    InputError
+        If the header cannot be understood, or the file was cut short.
+    """
+    elements, order, comments, start = _header(path, data)
+    body: NDArray = np.frombuffer(data, np.uint8)
+    if order == "=":
+        body, start = _ascii_numbers(path, data[start:]), 0
+    tables: dict[str, dict[str, Column]] = {}
+    for element in elements:
+        if wanted <= tables.keys():
+            break  # what follows is not needed
+        tables[element.name], start = _read_element(path, element, body, start, order)
+    return tables, comments
 
 
 def _texture_file(comment: str) -> str:
@@ -193,7 +205,8 @@ def _plain_columns(element: Element, body: NDArray, order: str) -> dict[str, Col
 # Meaning
 
 
-def _points(path: Path, vertex: dict[str, Column]) -> Floats:
+def ply_points(path: Path, vertex: dict[str, Column]) -> Floats:
+    """The coordinates (n, 3) in the columns of the element vertex."""
     lost = [axis for axis in "xyz" if axis not in vertex or vertex[axis].counts is not None]
     if vertex and lost:
         raise InputError(f"{path} is no mesh: its points have no {lost[0]}; the properties x, y and z are wanted")

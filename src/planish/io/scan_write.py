@@ -9,13 +9,13 @@ import numpy as np
 from planish.errors import OutputError
 from planish.io.cameras import camera_as_json
 from planish.io.encode import jpeg_bytes, png_bytes
-from planish.io.files import write_bytes, write_json
+from planish.io.files import all_or_nothing, write_bytes, write_json
 from planish.io.gltf_write import glb_bytes, one_uv_per_point
 from planish.io.obj import obj_parts
 from planish.io.ply_write import ply_parts
 from planish.io.polygons import Polygons, of_triangles
 from planish.io.units import MM_PER_UNIT
-from planish.types import Floats, Scan
+from planish.types import Floats, Pixels, Scan
 
 
 def write_scan(path: str | Path, scan: Scan) -> list[Path]:
@@ -23,7 +23,8 @@ def write_scan(path: str | Path, scan: Scan) -> list[Path]:
 
     OBJ and PLY are in mm, and the photo goes beside them under the same name: as JPEG of quality 95, or as PNG if it
     has 16 bits. GLB is in metres (float32) and holds the photo. A camera goes beside as NAME_camera.json, in the unit
-    of the mesh.
+    of the mesh. Where there are further photos, all lie beside the mesh, the others as NAME-2, NAME-3 and so on, and
+    all cameras in NAME_cameras.json, to be given to `read_scan` with the photos.
 
     Parameters
     ----------
@@ -39,7 +40,7 @@ def write_scan(path: str | Path, scan: Scan) -> list[Path]:
     Raises
     ------
     OutputError
-        If the suffix is another, or a file cannot be written.
+        If the suffix is another, a file cannot be written, or there are several photos and the first has no camera.
 
     Examples
     --------
@@ -51,34 +52,62 @@ def write_scan(path: str | Path, scan: Scan) -> list[Path]:
     ['sheet.ply']
     """
     path = Path(path)
+    check_scan_name(path)
+    if scan.others and (scan.photo is None or scan.camera is None):
+        raise OutputError(
+            f"{path}: the scan has several photos, and is written only with the camera of each; the first has none"
+        )
+    in_metres = path.suffix.lower() == ".glb"
+    photo = None if scan.photo is None else _encoded(scan.photo, scan.icc)
+    written, name = [path], None
+    with all_or_nothing():
+        if photo is not None and (scan.others or not in_metres):
+            written.append(_write_photo(path, photo))
+            name = written[-1].name
+        if in_metres:
+            write_bytes(path, _glb(scan, photo))
+        else:
+            written += (_write_obj if path.suffix.lower() == ".obj" else _write_ply)(path, scan, name)
+        written += _write_cameras(path, scan, name, MM_PER_UNIT["m"] if in_metres else 1.0)
+    return written
+
+
+def check_scan_name(path: Path) -> None:
+    """Refuse a suffix that no scan is written as."""
     if path.suffix.lower() not in (".obj", ".ply", ".glb"):
         raise OutputError(
             f"{path}: a scan is written as .obj, .ply or .glb; {path.suffix or 'no suffix'} is none of them"
         )
-    photo = _encoded(scan)
-    written = [path]
-    mm_per_unit = 1.0
-    if path.suffix.lower() == ".glb":
-        mm_per_unit = MM_PER_UNIT["m"]
-        write_bytes(path, _glb(scan, photo))
-    else:
-        name = None
-        if photo is not None:
-            name = path.with_suffix(".png" if photo.startswith(b"\x89PNG") else ".jpg").name
-            write_bytes(path.with_name(name), photo)
-            written.append(path.with_name(name))
-        written += (_write_obj if path.suffix.lower() == ".obj" else _write_ply)(path, scan, name)
-    if scan.camera is not None:
-        camera = path.with_name(f"{path.stem}_camera.json")
-        write_json(camera, camera_as_json(scan.camera, mm_per_unit=mm_per_unit))
-        written.append(camera)
-    return written
 
 
-def _encoded(scan: Scan) -> bytes | None:
-    if scan.photo is None:
-        return None
-    return (jpeg_bytes if scan.photo.dtype == np.uint8 else png_bytes)(scan.photo, icc=scan.icc)
+def _encoded(photo: Pixels, icc: bytes | None) -> bytes:
+    return (jpeg_bytes if photo.dtype == np.uint8 else png_bytes)(photo, icc=icc)
+
+
+def _write_photo(path: Path, photo: bytes) -> Path:
+    """Under the name of `path`, with the suffix of its kind."""
+    named = path.with_name(path.stem + (".png" if photo.startswith(b"\x89PNG") else ".jpg"))
+    write_bytes(named, photo)
+    return named
+
+
+def _write_cameras(path: Path, scan: Scan, photo_name: str | None, mm_per_unit: float) -> list[Path]:
+    """The camera beside the mesh; or further photos, and the cameras of all."""
+    if scan.camera is None:
+        return []
+    main = camera_as_json(scan.camera, mm_per_unit=mm_per_unit)
+    if not scan.others:
+        file = path.with_name(f"{path.stem}_camera.json")
+        write_json(file, main)
+        return [file]
+    cameras, written = {photo_name: main}, []
+    for number, view in enumerate(scan.others, 2):
+        photo = _encoded(view.photo, scan.icc)
+        written.append(_write_photo(path.with_name(f"{path.stem}-{number}{path.suffix}"), photo))
+        cameras[written[-1].name] = camera_as_json(view.camera, mm_per_unit=mm_per_unit)
+    file = path.with_name(f"{path.stem}_cameras.json")
+    write_json(file, {"cameras": cameras})
+    return [*written, file]
 
 
 def _write_obj(path: Path, scan: Scan, photo_name: str | None) -> list[Path]:

@@ -47,7 +47,14 @@ class ReadScan:
     sources: tuple[Path, ...] = ()
 
 
-def read_scan(path: str | Path, *, photo: Files = None, camera: Files = None, units: str = "auto") -> ReadScan:
+def read_scan(
+    path: str | Path,
+    *,
+    photo: Files = None,
+    camera: Files = None,
+    units: str = "auto",
+    inside: str | Path | None = None,
+) -> ReadScan:
     """Read a scan.
 
     The photo is the one that `photo` names, else the texture that the mesh file names or holds. Where its parts lie
@@ -63,6 +70,9 @@ def read_scan(path: str | Path, *, photo: Files = None, camera: Files = None, un
         JSON, see `read_camera`; its numbers are in the unit of the mesh. For several photos as many in the same order,
         or one file that has all of them by name.
     units : {"auto", "mm", "cm", "m", "in"}
+    inside : str or Path, optional
+        For scans from strangers: the only folder from which files are read that the mesh itself names (materials,
+        buffers, images, also through links); others count as missing. By default they may lie anywhere.
 
     Raises
     ------
@@ -72,7 +82,7 @@ def read_scan(path: str | Path, *, photo: Files = None, camera: Files = None, un
     path, photos = Path(path), listed(photo)
     cameras = matched(photos, listed(camera))
     main, seen_by = (photos[0] if photos else None), cameras[0]
-    found = read_mesh(path)
+    found = read_mesh(path, None if inside is None else Path(inside))
     unit, told = decide_unit(found.points, units, found.unit)
     warnings = [*found.warnings, *told]
     points = found.points * MM_PER_UNIT[unit]

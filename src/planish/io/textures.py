@@ -10,11 +10,14 @@ from planish.io.polygons import Polygons
 from planish.types import Bools, Ints
 
 
-def find_beside(path: Path, name: str) -> Path | None:
-    """Find a file that a mesh file names: where it says, else of that name beside the mesh (as after a move)."""
+def find_beside(path: Path, name: str, inside: Path | None = None) -> Path | None:
+    """Find a file that a mesh file names: where it says, else of that name beside the mesh (as after a move).
+
+    Only within the folder `inside`, where one is given: a mesh from a stranger may name any file of this machine.
+    """
     for candidate in (path.parent / name, path.parent / PureWindowsPath(name).name):
         try:
-            if candidate.is_file():
+            if candidate.is_file() and (inside is None or candidate.resolve().is_relative_to(inside.resolve())):
                 return candidate
         except (OSError, ValueError):
             continue
@@ -58,12 +61,12 @@ def use_one_image(
     return _without_uv(polygons, image_of_face != chosen), chosen, warnings
 
 
-def find_image(path: Path, name: str) -> tuple[Path | None, list[str]]:
+def find_image(path: Path, name: str, inside: Path | None = None) -> tuple[Path | None, list[str]]:
     """The image file that a mesh file names, and a warning where there is none."""
-    found = find_beside(path, name)
+    found = find_beside(path, name, inside)
     if found is not None:
         return found, []
-    return None, [f"{path} names the image {name}, which does not exist; --photo gives another"]
+    return None, [f"{path} names the image {name}, which does not exist"]
 
 
 def _without_uv(polygons: Polygons, blank: Bools) -> Polygons:

@@ -17,6 +17,10 @@ MM_PER_UNIT: dict[Unit, float] = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4
 PAGE_MM = (50.0, 1500.0)
 """Diagonal of a page that is taken for one: from a bus ticket to a newspaper spread."""
 
+HUGE_MM = 100_000.0
+TINY_MM = 1.0
+"""Diagonals that no sheet has: the longest scrolls are of some 50 m, and a pixel is 0.1 mm."""
+
 A4_MM = 364.0
 """Diagonal of the usual page."""
 
@@ -48,8 +52,9 @@ def unit_named_in(comments: str) -> Unit | None:
 def decide_unit(points: Floats, asked: str, named: Unit | None) -> tuple[Unit, list[str]]:
     """Decide in which unit the numbers of a file are, and say so where that is not plain.
 
-    What the user asked for holds; else what the file names; else millimetres if they make a page of 50 to 1500 mm
-    from corner to corner; else whichever of cm, m and inches brings it nearest to an A4 page (364 mm).
+    What the user asked for holds; else what the file names, but not metres where only millimetres make a page, as
+    programs without units write their numbers into formats that are in metres; else millimetres if they make a page of
+    50 to 1500 mm from corner to corner; else whichever of cm, m and inches brings it nearest to an A4 page (364 mm).
 
     Parameters
     ----------
@@ -63,6 +68,11 @@ def decide_unit(points: Floats, asked: str, named: Unit | None) -> tuple[Unit, l
     -------
     unit : {"mm", "cm", "m", "in"}
     warnings : list of str
+
+    Raises
+    ------
+    InputError
+        Where the unit makes the sheet larger or smaller than any.
 
     Examples
     --------
@@ -79,6 +89,11 @@ def decide_unit(points: Floats, asked: str, named: Unit | None) -> tuple[Unit, l
         raise InputError(
             "some points lie so far from the others that no number holds the distance; is the file damaged?"
         )
+    if asked == "auto" and named == "m" and _is_page(diagonal):
+        return "mm", [
+            f"the file says that its numbers are metres, but no sheet is {diagonal:.0f} m from corner to corner; they"
+            " were taken as mm; say --units if that is wrong"
+        ]
     if asked != "auto" or named:
         unit: Unit = named if asked == "auto" and named else asked  # type: ignore[assignment]
         return unit, _doubt(diagonal * MM_PER_UNIT[unit], unit)
@@ -108,6 +123,11 @@ def _is_page(diagonal_mm: float) -> bool:
 
 
 def _doubt(diagonal_mm: float, unit: Unit) -> list[str]:
+    if diagonal_mm > HUGE_MM or 0 < diagonal_mm < TINY_MM:
+        raise InputError(
+            f"the sheet is {diagonal_mm:.3g} mm from corner to corner when its numbers are taken as {unit}, and no"
+            f" sheet is so {'large' if diagonal_mm > HUGE_MM else 'small'}; --units takes another unit"
+        )
     if not diagonal_mm > 0 or _is_page(diagonal_mm):
         return []
     return [

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from planish.errors import InputError
+from planish.memory import check_memory
 from planish.mesh.measures import angle_sums, area_vectors, border_loops, bounds
 from planish.mesh.orient import pieces_and_winding
 from planish.mesh.topology import Topology, topology
@@ -14,6 +15,9 @@ from planish.types import Bools, Floats, Ints, Mesh, Scan
 
 DUST = 0.01
 """A piece, or a flap at an edge with three faces, below this share of the sheet's area is left out."""
+
+BYTES_PER_POINT = 400.0
+"""That cleaning and flattening take, with two triangles for each point."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +62,8 @@ def clean(scan: Scan) -> Cleaned:
     """
     points, faces = scan.mesh.points, scan.mesh.faces
     _check(points, faces)
+    need = BYTES_PER_POINT * max(len(points), len(faces) / 2)
+    check_memory(need, f"flattening {len(points):,} points", "let the scanner's software reduce the mesh")
     warnings: list[str] = []
     rows = _usable(points, faces, warnings)
     rows, topo = _manifold(points, faces, rows, warnings)

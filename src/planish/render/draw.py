@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planish.errors import InputError
+from planish.memory import check_memory
 from planish.mesh import linear_light
 from planish.render.blend import Blend, blend, detail
 from planish.render.paint import paint
@@ -22,6 +23,8 @@ Light = NDArray[np.float32]
 LOOK_PX, LOOK_PIXELS = (4, 6), 16_000_000
 """Photos are compared on coarse pages with fewest and most pixels across a cell, and so many in all at most."""
 MOST_PIXELS = 1_000_000_000
+BYTES_PER_PIXEL = {1: 16.0, 2: 22.0}
+"""Of a page, by the bytes of one colour: all its pictures together, drawn, without shade and in black and white."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +101,7 @@ def _dpi(found: Resolution, settings: RenderSettings) -> float:
 def _page(
     seen: Sequence[Sight], mixed: Blend | None, size_mm: tuple[float, float], dpi: float, icc: bytes | None
 ) -> Page:
-    pixels, known = paint(seen, mixed, _shape(size_mm, dpi), dpi / 25.4)
+    pixels, known = paint(seen, mixed, _shape(size_mm, dpi, seen[0].photo.dtype.itemsize), dpi / 25.4)
     pixels[~known] = _paper(pixels, known)
     return Page(pixels, known, dpi, icc)
 
@@ -129,13 +132,15 @@ def _parts(best: NDArray[np.int64], count: int) -> tuple[float, ...]:
     return tuple(float(n) for n in np.bincount(best[best >= 0], minlength=count) / max(1, int((best >= 0).sum())))
 
 
-def _shape(size_mm: tuple[float, float], dpi: float) -> tuple[int, int]:
+def _shape(size_mm: tuple[float, float], dpi: float, itemsize: int) -> tuple[int, int]:
     cols, rows = (max(1, round(mm * dpi / 25.4)) for mm in size_mm)
+    page = f"a page of {size_mm[0]:.0f} x {size_mm[1]:.0f} mm at {dpi:g} dpi"
     if rows * cols > MOST_PIXELS:
         raise InputError(
-            f"a page of {size_mm[0]:.0f} x {size_mm[1]:.0f} mm at {dpi:g} dpi has {rows * cols / 1e9:.1f} thousand "
-            f"million pixels, more than planish draws; is the scan's unit right?"
+            f"{page} has {rows * cols / 1e9:.1f} thousand million pixels, more than planish draws; is the scan's unit "
+            "right?"
         )
+    check_memory(rows * cols * BYTES_PER_PIXEL[itemsize], page, "lower --dpi")
     return rows, cols
 
 

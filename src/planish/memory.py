@@ -1,0 +1,107 @@
+"""How much memory there is, and a refusal of work that needs more.
+
+A process that takes more than there is does not fail: it drags the machine down, or is killed without a word.
+"""
+
+from __future__ import annotations
+
+import os
+import resource
+from pathlib import Path
+
+from planish.errors import InputError
+
+_PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")
+_ADDRESSES = 500e6
+"""Bytes of addresses that are taken without being used: threads' stacks and heaps, buffers of libraries. Where a limit
+leaves fewer, OpenBLAS waits for ever for a buffer that it cannot have."""
+_VERSION_2 = ("memory.max", "memory.current", "inactive_file")
+_VERSION_1 = ("memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file")
+
+
+def check_memory(need: float, what: str, advice: str) -> None:
+    """Refuse work that needs more memory than is free.
+
+    Parameters
+    ----------
+    need : float
+        Bytes, beside what the process has already.
+    what : str
+        The work, as the subject of a sentence.
+    advice : str
+        What the user can do.
+
+    Raises
+    ------
+    InputError
+
+    Examples
+    --------
+    >>> check_memory(1e15, "a page of 1 x 1 km", "lower --dpi")
+    Traceback (most recent call last):
+        ...
+    planish.errors.InputError: a page of 1 x 1 km needs about 1000000.0 GB of memory, and ... are free; lower --dpi
+    """
+    free = free_bytes()
+    if need > free:
+        raise InputError(f"{what} needs about {_told(need)} of memory, and {_told(free)} are free; {advice}")
+
+
+def _told(count: float) -> str:
+    return f"{count / 1e9:.1f} GB" if count >= 1e9 else f"{count / 1e6:.1f} MB"
+
+
+def free_bytes() -> float:
+    """Memory that this process may still take: of the machine, of its control groups, of its own limits."""
+    return max(0.0, min(_of_the_machine(), of_control_groups(), _of_own_limits()))
+
+
+def _of_the_machine() -> float:
+    """What can be had without swapping."""
+    for line in _lines(Path("/proc/meminfo")):
+        if line.startswith("MemAvailable:"):
+            return float(line.split()[1]) * 1024
+    return float("inf")
+
+
+def of_control_groups(process: Path = Path("/proc/self"), mount: Path = Path("/sys/fs/cgroup")) -> float:
+    """What the control groups leave that containers and schedulers put a process into, and those above them.
+
+    Files that were read and lie in memory count as free: they are dropped when there is need.
+    """
+    free = float("inf")
+    for line in _lines(process / "cgroup"):
+        _, controllers, path = line.split(":", 2)
+        if controllers and "memory" not in controllers.split(","):
+            continue
+        root, names = (mount / "memory", _VERSION_1) if controllers else (mount, _VERSION_2)
+        levels = Path(path.lstrip("/")).parts
+        for depth in range(len(levels) + 1):
+            free = min(free, _of_group(root.joinpath(*levels[:depth]), *names))
+    return free
+
+
+def _of_group(group: Path, limit: str, used: str, droppable: str) -> float:
+    most, taken = (_lines(group / name) for name in (limit, used))
+    if not most or not taken or most[0] == "max":
+        return float("inf")
+    files = [float(line.split()[1]) for line in _lines(group / "memory.stat") if line.startswith(f"{droppable} ")]
+    return float(most[0]) - float(taken[0]) + sum(files)
+
+
+def _of_own_limits() -> float:
+    """What `ulimit -v` and `ulimit -d` leave."""
+    statm = [float(pages) * _PAGE_BYTES for line in _lines(Path("/proc/self/statm")) for pages in line.split()]
+    if not statm:
+        return float("inf")
+    taken = {resource.RLIMIT_AS: statm[0] + _ADDRESSES, resource.RLIMIT_DATA: statm[5]}
+    limits = {kind: resource.getrlimit(kind)[0] for kind in taken}
+    return min(float("inf") if most == resource.RLIM_INFINITY else most - taken[kind] for kind, most in limits.items())
+
+
+def _lines(file: Path) -> list[str]:
+    """Of a file of the system; none where there is no such file."""
+    try:
+        return file.read_text().splitlines()
+    except OSError:
+        return []
