@@ -3,8 +3,10 @@ PYTHON ?= python3
 VENV   ?= .venv
 BIN    := $(VENV)/bin
 READY  := $(VENV)/.ready
+SECONDS := 600
+READERS := obj ply gltf tifxyz images depths captures cameras lasers clouds
 
-.PHONY: demo test lint bench docs clean
+.PHONY: demo test lint bench view fuzz docs site dist clean
 
 $(READY): pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -28,10 +30,28 @@ bench: $(READY)  ## the figures of docs/benchmarks.md, anew (half an hour)
 	$(BIN)/python -m pip install --quiet --editable '.[bench]'
 	$(BIN)/python benchmarks/run_all.py
 
-docs: $(READY)  ## docs/cli.md and the pictures, anew
+fuzz: $(READY)  ## every reader fed with damaged files: an hour and a half (SECONDS=60: ten minutes)
+	$(BIN)/python -m pip install --quiet --group fuzz
+	for reader in $(READERS); do $(BIN)/python fuzz/$$reader.py -max_total_time=$(SECONDS) || exit 1; done
+
+view:  ## the program of the page to look at, anew from its sources (needs node)
+	cd src/planish/view/web && npm ci --ignore-scripts --no-audit --no-fund && npm run check && npm run build
+
+docs: $(READY)  ## docs/cli.md, the manual page, the schema and the pictures, anew
 	$(BIN)/python docs/make_cli.py
+	$(BIN)/python docs/make_man.py
+	$(BIN)/python docs/make_schema.py
 	$(BIN)/python docs/make_picture.py
 	$(BIN)/python docs/make_solver_picture.py
+
+site: $(READY)  ## the documentation as a site in build/site/, without a warning
+	$(BIN)/python -m pip install --quiet --group docs
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet --site-dir build/site
+
+dist: $(READY)  ## the wheel and the source distribution, tried in an environment of their own
+	rm -rf dist
+	$(BIN)/python -m build --quiet
+	.ci/try_wheel dist/planish-*.whl
 
 clean:
 	rm -rf $(VENV) build dist .pytest_cache .ruff_cache .mypy_cache

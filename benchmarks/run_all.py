@@ -50,6 +50,11 @@ SECTIONS = {
         "planish with a scan and with the photo alone, and others that flatten a photo. ![Their pages](comparison.jpg)",
         "--picture docs/comparison.jpg",
     ),
+    "photo": (
+        "A page from one photo",
+        "Sheets of the gallery, photographed virtually; with a folder of real photos the script makes the tables of "
+        "[A page from one photo](photo.md).",
+    ),
     "shading": (
         "Shade removed",
         "How far the grey of blank paper runs (10 % to 90 % quantile, in percent of the median) over the page and "
@@ -60,7 +65,9 @@ SECTIONS = {
         "From light to scan",
         "Virtual devices before the page of a bound book: how true the surface is, and the page restored from it. The "
         "depth camera has 640 x 480 pixels and a photo of 3 megapixels, the Gray code a camera of 1280 x 1024 and a "
-        "projector of 1280 x 800 pixels; its photo is that of the same camera.",
+        "projector of 1280 x 800 pixels; its photo is that of the same camera. The range image has 640 x 480 points "
+        "and a colour for each; the photogrammetry cloud 300,000 points on the sheet in random places, with errors in "
+        "all directions, strays, and the table around, and its photo 12 megapixels.",
     ),
     "laser": (
         "Laser lines",
@@ -93,6 +100,15 @@ SECTIONS = {
         "is what the scanned surface has: its left side is 1.9 % shorter than its right one measured in space, so the "
         "reconstruction, not the flattening, keeps it from the 0.7 % hoped for. A photo's pixel is 0.6 to 1.4 mm of "
         "paper; cameras and surface agree to about a third of that.",
+    ),
+    "batch": (
+        "A shelf of 200 scans",
+        "`planish batch` with ten bad scans among them: 5,000 points, 1 megapixel and 50 dpi, so that it is quick. "
+        "Every run but the first is compared with it, byte for byte apart from times; CPU and memory are of one page.",
+    ),
+    "batch_of_ten_thousand": (
+        "A shelf of ten thousand",
+        "What one process has to do for it beside restoring.",
     ),
     "rest_lengths": (
         "Rest lengths in spite of noise",

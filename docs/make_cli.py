@@ -1,6 +1,8 @@
 """Write docs/cli.md from the real command line: python docs/make_cli.py."""
 
+import sys
 from pathlib import Path
+from unittest.mock import patch
 
 from planish.cli.main import app
 
@@ -13,7 +15,8 @@ Made from the real flags by `python docs/make_cli.py`; a test compares the two.
 
 def text() -> str:
     """The page as it should be."""
-    return HEAD + app.generate_docs(output_format="markdown", heading_level=2).strip() + "\n"
+    with patch.object(sys, "argv", ["planish"]):  # else usage lines show how this script was called
+        return HEAD + app.generate_docs(output_format="markdown", heading_level=2).strip() + "\n"
 
 
 if __name__ == "__main__":

@@ -96,7 +96,7 @@ def restore(
         eye = viewpoint(sheet.mesh, sheet.photo_xy, cleaned.topology.edges)
         flat = lay_flat(sheet.mesh, cleaned.topology, s.flatten, tell, eye=eye)
     with stage("turn"):
-        flat = _the_right_way_round(cleaned, flat, s.rotate)
+        flat = _the_right_way_round(cleaned, flat, s.rotate, as_its_mesh=scan.upright > 0)
         if s.pages != "1" and s.rotate == "auto":
             flat = _with_its_spine_upright(cleaned, flat)
     rendered = unshaded = binary = spine = None
@@ -104,7 +104,7 @@ def restore(
         if s.rotate == "auto":
             with stage("turn"):
                 look = preview(cleaned.scan, flat.page_xy, flat.size_mm, SENSE_DPI)
-                flat = _as_its_text_reads(flat, look, way_up)
+                flat = _as_its_text_reads(flat, look, way_up, scan.upright)
         with stage("render"):
             rendered = draw(cleaned.scan, flat.page_xy, flat.size_mm, s.render)
         if s.pages != "1":
@@ -127,7 +127,7 @@ def restore(
         report = replace(report, shading=_shading_report(unshaded.fit))
     if rendered:
         report = replace(report, pages=_part_reports(flat, spine), spine=spine)
-    report = replace(report, guideline=guideline(report))
+    report = replace(report, guideline=guideline(report), settings=s)
     report = replace(report, seconds=stage.seconds, seconds_total=sum(stage.seconds.values()))
     flat = _in_file_order(cleaned, scan, flat)
     return Restoration(
@@ -213,11 +213,16 @@ def _with_photo_places(scan: Scan) -> Scan:
 
 
 def _the_right_way_round(
-    cleaned: Cleaned, flat: Flattening, rotate: Rotation, long_side_upright: bool = True
+    cleaned: Cleaned, flat: Flattening, rotate: Rotation, long_side_upright: bool = True, as_its_mesh: bool = False
 ) -> Flattening:
-    """Sides along x and y, long side upright, the photo's top on top; or as the user said, from the photo's top."""
+    """Sides along x and y, long side upright, the photo's top on top; or as the user said, from the photo's top.
+
+    Where the mesh itself is known to stand upright, so does the page, lying or not.
+    """
     mesh, photo_xy = cleaned.scan.mesh, cleaned.scan.photo_xy
-    if photo_xy is None:
+    if as_its_mesh and rotate == "auto":
+        long_side_upright = False
+    if photo_xy is None or (as_its_mesh and rotate == "auto"):
         up = direction_of_growth(flat.page_xy, mesh.points[:, 1])
     elif photo_xy.ndim == 2:
         up = -direction_of_growth(flat.page_xy, photo_xy[:, 1])
@@ -229,12 +234,12 @@ def _the_right_way_round(
     return replace(flat, page_xy=page_xy, size_mm=size)
 
 
-def _as_its_text_reads(flat: Flattening, page: Page, way_up: WayUp | None = None) -> Flattening:
+def _as_its_text_reads(flat: Flattening, page: Page, way_up: WayUp | None, upright: float) -> Flattening:
     """The sheet turned so that its lines of text are level and upright; the same one where they are, or there is none.
 
     The page is to be drawn anew afterwards, so that no pixel is filtered twice.
     """
-    quarter, confidence = upright_turn(page)
+    quarter, confidence = upright_turn(page, upright)
     told = way_up(page) if way_up and confidence < SURE else None
     quarter = quarter if told is None else told
     clockwise = -quarter // 90

@@ -1,4 +1,4 @@
-"""The values that travel between the rooms: arrays kept together, with no behaviour of their own.
+"""The values that travel between the rooms: arrays kept together, that can show themselves and do no more.
 
 Positions are (x, y[, z]) in millimetres; images are [row, col]. Arrays are read-only once a value is made.
 """
@@ -18,6 +18,7 @@ from planish.types.report import (
     Spine,
 )
 from planish.types.sheet import Camera, Flattening, Mesh, Outcome, Scan, Sticks, View
+from planish.types.table import summary
 
 __all__ = [
     "Bools",
@@ -44,4 +45,5 @@ __all__ = [
     "Sticks",
     "View",
     "freeze",
+    "summary",
 ]

@@ -3,18 +3,28 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
+from planish.errors import MissingExtraError
 from planish.types.arrays import Bools, Pixels, freeze
 from planish.types.report import Report
 from planish.types.sheet import Flattening
+from planish.types.show import as_image, html_picture, html_table, small_jpeg, small_png
+from planish.types.table import summary
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
+    from xarray import DataArray
+
+_MM_PER_INCH = 25.4
 
 
 @dataclass(frozen=True, eq=False)
 class Page:
-    """An image of the flat page.
+    """An image of the flat page; `numpy.asarray` of it is its pixels.
 
     Attributes
     ----------
@@ -25,6 +35,14 @@ class Page:
         True pixels per 25.4 mm of page.
     icc : bytes or None
         Colour profile of the pixels; sRGB where it is None.
+
+    Examples
+    --------
+    >>> page = Page(np.full((300, 200), 255, np.uint8), known=np.ones((300, 200), bool), dpi=100.0)
+    >>> page
+    Page(200 x 300 px of uint8, 100 dpi, 50.8 x 76.2 mm)
+    >>> np.asarray(page).shape, page.to_pil().info["dpi"]
+    ((300, 200), (100.0, 100.0))
     """
 
     pixels: Pixels | Bools
@@ -35,10 +53,53 @@ class Page:
     def __post_init__(self) -> None:
         freeze(self)
 
+    @property
+    def size_mm(self) -> tuple[float, float]:
+        """Width and height of the image on paper."""
+        rows, cols = self.known.shape
+        return cols * _MM_PER_INCH / self.dpi, rows * _MM_PER_INCH / self.dpi
+
+    def to_pil(self) -> Image:
+        """The page as a Pillow image, with its dpi and colour profile; 16 bits are rounded to 8."""
+        image = as_image(self.pixels)
+        image.info["dpi"] = (self.dpi, self.dpi)
+        if self.icc is not None:
+            image.info["icc_profile"] = self.icc
+        return image
+
+    def to_xarray(self) -> DataArray:
+        """The page as an xarray over y and x in millimetres (and channel), with `known` beside it.
+
+        Raises
+        ------
+        MissingExtraError
+            Where xarray is not installed.
+        """
+        try:
+            from xarray import DataArray
+        except ImportError:
+            raise MissingExtraError("a page as an xarray needs the extra: pip install 'planish[xarray]'") from None
+
+        # the centre of the pixel in column c lies c + 1/2 pixels from the left side
+        y, x = ((np.arange(n) + 0.5) * _MM_PER_INCH / self.dpi for n in self.known.shape)
+        places = {"y": ("y", y, {"units": "mm"}), "x": ("x", x, {"units": "mm"}), "known": (("y", "x"), self.known)}
+        return DataArray(self.pixels, places, ("y", "x", "channel")[: self.pixels.ndim], "page", {"dpi": self.dpi})
+
+    def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> NDArray:
+        return np.array(self.pixels, dtype=dtype, copy=copy)
+
+    def __repr__(self) -> str:
+        rows, cols = self.known.shape
+        width, height = self.size_mm
+        return f"Page({cols} x {rows} px of {self.pixels.dtype}, {self.dpi:g} dpi, {width:.1f} x {height:.1f} mm)"
+
+    def _repr_png_(self) -> bytes:
+        return small_png(self.pixels)
+
 
 @dataclass(frozen=True, eq=False)
 class Restoration:
-    """All that came of a scan.
+    """All that came of a scan; a notebook shows its page and its figures.
 
     Attributes
     ----------
@@ -67,3 +128,14 @@ class Restoration:
 
     def __post_init__(self) -> None:
         freeze(self)
+
+    def __repr__(self) -> str:
+        width, height = self.flattening.size_mm
+        error = self.report.flatten.expected_error_mm
+        return f"Restoration({width:.1f} x {height:.1f} mm, expected error {error:.3f} mm; {self.report.outcome})"
+
+    def _repr_html_(self) -> str:
+        rows = [*summary(self.report), *(("note", sentence) for sentence in self.report.warnings)]
+        page = self.unshaded or self.rendered
+        picture = html_picture(small_jpeg(page.pixels), "the restored page") if page else ""
+        return f'<div style="display:flex;flex-wrap:wrap;gap:1.5em;align-items:start">{picture}{html_table(rows)}</div>'

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
+from planish.settings import RestoreSettings
+
 
 @dataclass(frozen=True)
 class Spine:
@@ -190,6 +192,8 @@ class PhotoReport:
         Part of the page that lies outside of all that the shape was found from.
     confidence : str
         All this in a sentence.
+    creases : float
+        Length of all creases that the shade of the paper shows, in lengths of the page's shorter side.
     """
 
     shape: str
@@ -202,6 +206,7 @@ class PhotoReport:
     bent_one_way: float | None
     extrapolated_share: float
     confidence: str
+    creases: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -256,17 +261,25 @@ class Report:
     seconds_total : float
     seconds : dict
         Per stage.
-    scan, flatten, page, shading, photo : see there
-        shading is None where none was removed, photo where the shape did not come from a photo.
+    scan : ScanReport
+    flatten : FlattenReport
+    page : PageReport
     warnings : list of str
+        Sentences.
+    shading : ShadingReport or None
+        Where shade was removed.
     pages : list of PartReport
         The pages of the sheet, from left to right; one where it was not split. Empty without a photo.
     spine : Spine or None
         Where it was split.
     sources : dict
         SHA-256 in hexadecimal, by name, of the files that the scan was read from.
+    photo : PhotoReport or None
+        Where the shape came from a photo.
     guideline : GuidelineReport or None
         Where the page stands in the FADGI guidelines.
+    settings : RestoreSettings or None
+        That the page was made with.
     """
 
     version: str
@@ -284,3 +297,4 @@ class Report:
     sources: dict[str, str] = field(default_factory=dict)
     photo: PhotoReport | None = None
     guideline: GuidelineReport | None = None
+    settings: RestoreSettings | None = None

@@ -93,6 +93,9 @@ class Scan:
         Colour profile of the photo, handed on to the page.
     others : tuple of View
         Further photos of the same sheet, for what `photo` shows less well or not at all.
+    upright : float
+        How sure it is that the mesh's y axis points to the head of the text [standard deviations]; 0 where nothing
+        but the page itself can tell.
     """
 
     mesh: Mesh
@@ -101,6 +104,7 @@ class Scan:
     camera: Camera | None = None
     icc: bytes | None = None
     others: tuple[View, ...] = ()
+    upright: float = 0.0
 
     def __post_init__(self) -> None:
         freeze(self)

@@ -1,0 +1,44 @@
+"""The report as a few lines for people."""
+
+from __future__ import annotations
+
+from planish.types.report import Report
+
+
+def summary(report: Report) -> list[tuple[str, str]]:
+    """Rows (what, how much) of the short table that the command line prints."""
+    scan, flat, page = report.scan, report.flatten, report.page
+    noise = "" if scan.noise_mm is None else f"; the scan's noise is {scan.noise_mm:.3f} mm"
+    rows = [
+        ("outcome", report.outcome),
+        ("scan", f"{scan.points:,} points, {scan.faces:,} faces, in {scan.unit}"),
+        ("flattened", f"{flat.method} on {flat.points:,} points, {flat.iterations} steps, {flat.seconds:.2f} s"),
+        ("page", f"{page.width_mm:.1f} x {page.height_mm:.1f} mm"),
+        ("expected error", f"{flat.expected_error_mm:.3f} mm rms{noise}"),
+        ("strain", f"{flat.strain_rms:.2e} rms, {flat.strain_max:.2e} greatest"),
+        ("stretch", f"{flat.stretch_l2:.5f} mean, {flat.stretch_linf:.3f} greatest (1 is perfect)"),
+        ("flipped faces", f"{flat.flipped_faces:,}, and {flat.overlaps:,} that overlap"),
+    ]
+    if page.dpi is not None and page.effective_ppi_median is not None and page.effective_ppi_p10 is not None:
+        rows += [
+            (
+                "resolution",
+                f"{page.dpi:g} dpi drawn; the photo has {page.effective_ppi_median:.0f} ppi (median), "
+                f"{page.effective_ppi_p10:.0f} (10 % quantile)",
+            ),
+            ("seen", f"{100 * (page.known_fraction or 0):.1f} % of the page"),
+        ]
+    if report.shading is not None:
+        light = report.shading
+        rows.append(
+            (
+                "paper",
+                f"even to {100 * light.unevenness:.1f} % of white ({100 * light.unevenness_before:.0f} % before), by "
+                f"{light.method}",
+            )
+        )
+    if report.guideline is not None:
+        reached = ", ".join(f"{c.name} {c.stars}" for c in report.guideline.criteria)
+        rows.append(("FADGI 2016", f"{reached} (stars of 4)"))
+    stages = ", ".join(f"{stage} {seconds:.2f}" for stage, seconds in report.seconds.items())
+    return [*rows, ("seconds", f"{report.seconds_total:.2f} ({stages})")]
