@@ -1,0 +1,142 @@
+"""The items of a batch from a list: CSV with a line of names, or one JSON object a line."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Iterator
+from pathlib import Path, PurePosixPath
+from typing import Any, cast, get_args
+
+from planish.batch.items import LONGEST_PART, RESERVED, SCANS, Found, Item, clashes, safe_name
+from planish.errors import InputError
+from planish.io.files import read_bytes
+from planish.settings import Units
+
+COLUMNS = ("scan", "photo", "camera", "name", "units")
+
+
+def read_list(path: Path) -> Found:
+    r"""Read a list of scans.
+
+    Parameters
+    ----------
+    path : Path
+        .csv whose first line names its columns, or .jsonl; `scan`, and as wanted `photo`, `camera` (several of them
+        as a JSON list, in CSV with ; between), `name`, `units`. Paths are seen from the folder of the list. Without a
+        name, a scan is named by its path as the list has it, without the suffix.
+
+    Raises
+    ------
+    InputError
+        Where a line cannot be understood, or two items have the same name.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     _ = Path(f"{folder}/shelf.csv").write_text("scan,photo\na/1.ply,a/1.jpg\n")
+    ...     item = read_list(Path(f"{folder}/shelf.csv")).items[0]
+    ...     item.name, item.photo[0].name
+    ('a/1', '1.jpg')
+    """
+    if path.suffix.lower() in SCANS:
+        raise InputError(
+            f"{path} is one scan; a folder of scans or a list is wanted here, and planish restore takes this"
+        )
+    path = path.absolute()  # workers elsewhere stand in other folders
+    try:
+        text = read_bytes(path).decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise InputError(f"{path} is no text in UTF-8; save the list as CSV (UTF-8)") from None
+    rows = _json_lines(path, text) if path.suffix.lower() in (".jsonl", ".ndjson") else _csv_lines(path, text)
+    where: dict[str, list[int]] = {}
+    items = []
+    for line, row in rows:
+        item = _item(path, line, row)
+        where.setdefault(item.name, []).append(line)
+        items.append(item)
+    if not items:
+        raise InputError(f"{path} lists no scan; a line for each is wanted, with the column scan")
+    bad = sorted(clashes(item.name for item in items))
+    if bad:
+        lines = ", ".join(str(line) for line in where[bad[0]])
+        raise InputError(
+            f"{path}: the name {bad[0]} (line {lines}) stands there twice or is a folder of another name"
+            f"{f', as are {len(bad) - 1} others' if len(bad) > 1 else ''}; give each scan a name of its own"
+        )
+    return Found(sorted(items, key=lambda item: item.name))
+
+
+def _csv_lines(path: Path, text: str) -> Iterator[tuple[int, dict[str, Any]]]:
+    reader = csv.DictReader(text.splitlines(), skipinitialspace=True)
+    names = [name.strip().lower() for name in reader.fieldnames or []]
+    if "scan" not in names or not set(names) <= set(COLUMNS) or len(set(names)) < len(names):
+        raise InputError(
+            f"{path}: the first line reads “{', '.join(names)[:100]}”; names of columns are wanted there: scan, and "
+            "any of photo, camera, name, units"
+        )
+    reader.fieldnames = names
+    try:
+        for row in reader:
+            if None in row:
+                raise InputError(f"{path}, line {reader.line_num}: {len(names)} columns are wanted, and there are more")
+            yield reader.line_num, row
+    except csv.Error as problem:
+        raise InputError(f"{path}, line {reader.line_num}: {problem}") from None
+
+
+def _json_lines(path: Path, text: str) -> Iterator[tuple[int, dict[str, Any]]]:
+    for number, line in enumerate(text.splitlines(), 1):
+        if not line.strip():
+            continue
+        try:
+            row = json.loads(line)
+        except (ValueError, RecursionError) as problem:
+            raise InputError(f"{path}, line {number} is no JSON: {problem}") from None
+        if not isinstance(row, dict) or not set(row) <= set(COLUMNS):
+            raise InputError(
+                f"{path}, line {number}: an object is wanted with scan and any of {', '.join(COLUMNS[1:])}"
+            )
+        yield number, row
+
+
+def _item(path: Path, line: int, row: dict[str, Any]) -> Item:
+    at = f"{path}, line {line}"
+    scans, photos, cameras = (_paths(path, at, row, column) for column in ("scan", "photo", "camera"))
+    if len(scans) != 1:
+        raise InputError(f"{at} names {len(scans)} scans; one is wanted")
+    units = row.get("units") or "auto"
+    if units not in get_args(Units):
+        raise InputError(f"{at}: units is {units!r}; one of {', '.join(get_args(Units))} is wanted")
+    name = row.get("name")
+    if name:
+        _check_name(at, name)
+    else:
+        name = _own_name(path, scans[0])
+    return Item(name=name, scan=scans[0], photo=photos, camera=cameras, units=cast(Units, units))
+
+
+def _paths(path: Path, at: str, row: dict[str, Any], column: str) -> tuple[Path, ...]:
+    told = row.get(column)
+    every = [part.strip() for part in told.split(";")] if isinstance(told, str) else told or []
+    if not isinstance(every, list) or not all(isinstance(part, str) and "\0" not in part for part in every):
+        raise InputError(f"{at}: {column} is {told!r}; a path or a list of paths is wanted")
+    return tuple(path.parent / part for part in every if part)
+
+
+def _check_name(at: str, name: Any) -> None:
+    good = isinstance(name, str) and not name.startswith("/") and "//" not in f"{name}/"
+    parts = name.split("/") if good else []
+    if not good or name in RESERVED or any(safe_name(p) != p or p in (".", "..") or p[0] == "." for p in parts):
+        raise InputError(
+            f"{at}: {str(name)[:LONGEST_PART]!r} cannot be the name of a folder here; letters, digits, - and _ are "
+            "wanted, with / for a folder in a folder"
+        )
+
+
+def _own_name(path: Path, scan: Path) -> str:
+    """From the scan's path below the list's folder, or else from all of it."""
+    below = scan.relative_to(path.parent) if scan.is_relative_to(path.parent) else scan
+    parts = [part for part in PurePosixPath(below).with_suffix("").parts if part not in ("/", "..", ".")]
+    return safe_name("/".join(parts) or scan.name)

@@ -1,0 +1,152 @@
+"""The summary of a batch, worst first: to look at, for a spreadsheet, and for programs."""
+
+from __future__ import annotations
+
+import base64
+import csv
+import io
+import json
+from collections.abc import Iterator
+from dataclasses import fields
+from html import escape
+from importlib.resources import files
+from pathlib import Path
+from string import Template
+from urllib.parse import quote
+
+from PIL import Image
+
+from planish.batch.row import ORDER, Row, worst_first
+from planish.io.files import write_bytes
+
+MOST_SHOWN = 3000
+"""Rows of summary.html, the worst ones: more make a browser slow. The other two files have all."""
+_PICTURE_PX = 120
+_CLASSES = {"failed": "failed", "not settled": "unsettled", "warnings": "warnings", "good": "good"}
+_WORDS = {"failed": "failed", "not settled": "not settled", "warnings": "with warnings", "good": "good"}
+_NUMBERS = (
+    ("Expected error, mm", "expected_error_mm", "{:.3f}", 1.0),
+    ("Width, mm", "width_mm", "{:.0f}", 1.0),
+    ("Height, mm", "height_mm", "{:.0f}", 1.0),
+    ("Photo, ppi", "effective_ppi", "{:.0f}", 1.0),
+    ("Seen, %", "known_fraction", "{:.1f}", 100.0),
+    ("Strain, %", "strain_rms", "{:.3f}", 100.0),
+    ("Seconds", "seconds", "{:.1f}", 1.0),
+)
+"""Columns of the table: title, field, form, factor."""
+
+
+def write_summary(folder: Path, rows: list[Row], notes: list[str], scans: Path | None = None) -> Path:
+    """Write summary.html, summary.csv and summary.jsonl.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the output; previews and pages are looked for in it.
+    rows : list of Row
+    notes : list of str
+        On the search for scans.
+    scans : Path, optional
+        The folder of the scans, which need not be said again and again in the table.
+
+    Returns
+    -------
+    Path
+        Of summary.html.
+    """
+    ordered = worst_first(rows)
+    write_bytes(folder / "summary.jsonl", (f"{json.dumps(row.plain())}\n".encode() for row in ordered))
+    write_bytes(folder / "summary.csv", _csv(ordered))
+    write_bytes(folder / "summary.html", _html(folder, ordered, notes, scans).encode("utf-8", "replace"))
+    return folder / "summary.html"
+
+
+def _csv(rows: list[Row]) -> bytes:
+    """A line an item; several warnings in one field, with | between."""
+    file = io.StringIO()
+    writer = csv.writer(file)
+    names = [field.name for field in fields(Row)]
+    writer.writerow(names)
+    for row in rows:
+        plain = row.plain()
+        writer.writerow([" | ".join(v) if isinstance(v := plain[name], list) else v for name in names])
+    return file.getvalue().encode("utf-8", "replace")
+
+
+def _html(folder: Path, rows: list[Row], notes: list[str], scans: Path | None) -> str:
+    template = Template(files("planish.batch").joinpath("summary.html").read_text("utf-8"))
+    counts = {status: sum(row.status == status for row in rows) for status in ORDER}
+    said = ", ".join(f"{count:,} {_WORDS[status]}" for status, count in counts.items() if count)
+    lead = f"{len(rows):,} items: {said}."
+    if len(rows) > MOST_SHOWN:
+        lead += f" The worst {MOST_SHOWN:,} are shown; summary.csv and summary.jsonl have all."
+    return template.substitute(
+        title=escape(f"{folder.resolve().name}: all scans"),
+        lead=escape(lead),
+        notes="".join(f"<li>{escape(note)}</li>" for note in notes).join(
+            ['<ul class="notes">', "</ul>"] if notes else ["", ""]
+        ),
+        filters="\n".join(
+            f'<label class="{_CLASSES[status]}"><input type="checkbox" value="{status}" checked>'
+            f"{_WORDS[status]} {count:,}</label>"
+            for status, count in counts.items()
+            if count
+        ),
+        heads="\n".join(_heads()),
+        rows="\n".join(_row(folder, row, f"{scans}/") for row in rows[:MOST_SHOWN]),
+    )
+
+
+def _heads() -> Iterator[str]:
+    for title, kind in (("Name", "name"), ("Status", "status"), ("What was found", "what")):
+        yield f'<th scope="col" class="{kind}"><button type="button">{title}</button></th>'
+    for title, *_ in _NUMBERS:
+        yield f'<th scope="col" class="number"><button type="button">{title}</button></th>'
+
+
+def _row(folder: Path, row: Row, place: str) -> str:
+    pages = [name for name in row.files if name.startswith("page")]
+    page = "page.html" if "page.html" in pages else next(iter(pages), None)
+    picture = _picture(folder / row.name / "preview.jpg", row.name)
+    cells = [f'<td class="picture">{_link(row, page, picture) if page else picture}</td>']
+    cells.append(f'<th scope="row">{_link(row, page, escape(row.name)) if page else escape(row.name)}</th>')
+    rank = ORDER.index(row.status)
+    cells.append(f'<td data-value="{rank}"><span class="status {_CLASSES[row.status]}">{row.status}</span></td>')
+    cells.append(f'<td class="what">{_told(row, place)}</td>')
+    for title, name, form, factor in _NUMBERS:
+        value = getattr(row, name)
+        shown = "" if value is None else form.format(factor * value)
+        cells.append(f'<td class="number" data-label="{title}" data-value="{shown}">{shown}</td>')
+    return f'<tr data-status="{row.status}">{"".join(cells)}</tr>'
+
+
+def _told(row: Row, place: str) -> str:
+    """What is worth saying of an item, without the place of all scans, and links to its files."""
+    said = escape(row.sentence.replace(place, "")) if row.status in ("failed", "not settled") else ""
+    if row.warnings:
+        said += "".join(f"<li>{escape(warning.replace(place, ''))}</li>" for warning in row.warnings).join(
+            ["<ul>", "</ul>"]
+        )
+    links = " ".join(_link(row, name, escape(name)) for name in row.files if name != "preview.jpg")
+    return said + (f"<p>{links}</p>" if links else "")
+
+
+def _link(row: Row, file: str, shown: str) -> str:
+    return f'<a href="{escape(quote(f"{row.name}/{file}"))}">{shown}</a>'
+
+
+def _picture(preview: Path, name: str) -> str:
+    """A small picture of the page within the summary itself, so that it can be sent around alone."""
+    try:
+        with Image.open(preview) as image:
+            image.draft("RGB", (_PICTURE_PX, _PICTURE_PX))
+            image.thumbnail((_PICTURE_PX, _PICTURE_PX))
+            file = io.BytesIO()
+            image.save(file, "JPEG", quality=50)
+    except OSError:  # what failed has none
+        return ""
+    data = base64.b64encode(file.getvalue()).decode()
+    alt = escape(f"The page of {name}", quote=True)
+    return (
+        f'<img src="data:image/jpeg;base64,{data}" alt="{alt}" width="{image.width // 2}" height="{image.height // 2}">'
+    )
