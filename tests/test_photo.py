@@ -11,6 +11,7 @@ from planish.errors import InputError, UsageError
 from planish.gallery import sheet, typeset_page, virtual_scan
 from planish.mesh import project
 from planish.photo import find_shape
+from planish.photo.borders import borders_in
 from planish.photo.cylinder import Cylinder, in_space, on_photo, seen_at
 from planish.photo.fit import TURNS, Evidence, fit, start
 from planish.photo.free import Shift, fit_shift, no_shift
@@ -311,6 +312,17 @@ def test_a_blank_sheet_on_a_table_is_found_by_its_borders():
     grid = found.scan.photo_xy.reshape(-1, cols, 2)
     got = np.array([grid[0, 0], grid[0, -1], grid[-1, -1], grid[-1, 0]])
     assert np.abs(got - corners).max() < 6  # three pixels of the small picture that borders are sought in
+
+
+def test_a_sheet_with_a_corner_at_the_rim_of_the_photo_is_seen_whole():
+    photo = np.full((1600, 1200, 3), 90, np.uint8)
+    corners = np.array([[470, 12], [1185, 330], [760, 1585], [-4, 1240]])
+    cv2.fillConvexPoly(photo, corners.astype(np.int32), (225, 225, 222))
+    found = borders_in(photo, None)
+    assert found is not None
+    begins = np.array([side[0] for side in found.sides])
+    away = np.linalg.norm(begins[:, None] - corners[None], axis=2).min(axis=1)
+    assert away.max() < 0.05 * 1400  # sides leave out 3 % at their ends
 
 
 def test_paper_size_without_borders_is_refused(book):

@@ -14,6 +14,10 @@ from planish.types import Bools, Floats, Pixels
 
 LONG_SIDE = 560
 """Of the picture that the outline is sought in [px]."""
+RIM = 2
+"""Pixels of that picture."""
+REACHES = 0.1
+"""Of the rim, that a whole sheet may reach: more is a sheet that the photo cuts off."""
 COLOUR = 2.0
 """A step in colour counts so much more than one in brightness: shadows change only this."""
 LEAST_AREA = 0.08
@@ -102,12 +106,22 @@ def _divided(small: NDArray[np.uint8], lines: TextLines | None, step: float) -> 
     else:
         hull = cv2.convexHull((lines.photo_xy / step).astype(np.float32)).astype(np.int32)
         cv2.fillConvexPoly(markers, hull, 1)
-    rim = np.zeros((rows, cols), bool)
-    rim[:2], rim[-2:], rim[:, :2], rim[:, -2:] = True, True, True, True
-    markers[rim & (markers == 0)] = 2
+    markers[_ground(small, markers == 1) & (markers == 0)] = 2
     smooth = cv2.bilateralFilter(small, 7, 30, 3)
     cv2.watershed(smooth, markers)
     return np.asarray(markers == 1)
+
+
+def _ground(small: NDArray[np.uint8], sheet: Bools) -> Bools:
+    """The photo's rim, but for where a corner of the sheet, or a little of one side, reaches it."""
+    rim = np.ones(sheet.shape, bool)
+    rim[RIM:-RIM, RIM:-RIM] = False
+    paper, ground = np.median(small[sheet], axis=0), np.median(small[rim], axis=0)
+    from_paper = np.linalg.norm(small - paper, axis=2)
+    alike = rim & (from_paper < 0.5 * np.linalg.norm(ground - paper))
+    if alike.sum() > REACHES * rim.sum():
+        return rim
+    return rim & ~cv2.dilate(alike.astype(np.uint8), np.ones((4 * RIM + 1,) * 2, np.uint8)).astype(bool)
 
 
 def _outline(inside: Bools) -> Floats | None:
