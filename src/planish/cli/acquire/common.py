@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
+
+from planish.cli.options import Output, Quiet
 
 if TYPE_CHECKING:
     from planish.acquire.grid_mesh import Acquired
@@ -13,15 +16,37 @@ if TYPE_CHECKING:
     from planish.types import Bools, Camera, Pixels
 
 Mask = Annotated[str, Parameter(name="--mask")]
-Picture = Annotated[Path | None, Parameter(name="--picture")]
 
 
-def check_outputs(output: Path, picture: Path | None, *, overwrite: bool) -> None:
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class ScanFiles:
+    """What is written of a scan, and how much is said.
+
+    Attributes
+    ----------
+    output : Path
+        The scan to write: .ply or .obj with the photo beside it, or .glb.
+    picture : Path, optional
+        Also write a picture of the scan: its relief, its photo on it, and the confidence of every point.
+    overwrite : bool
+        Whether files in place may be replaced.
+    quiet : bool
+        Print nothing but errors.
+    """
+
+    output: Output
+    picture: Path | None = None
+    overwrite: bool = True
+    quiet: Quiet = False
+
+
+def check_scan_files(files: ScanFiles) -> None:
     """Refuse before any work a scan, or a picture of it, that could not be written after it."""
     from planish.io.scan_write import check_scan_name
 
-    check_scan_name(output)
-    check_files(output, picture, overwrite=overwrite)
+    check_scan_name(files.output)
+    check_files(files.output, files.picture, overwrite=files.overwrite)
 
 
 def check_files(output: Path, picture: Path | None, *, overwrite: bool) -> None:
@@ -67,7 +92,7 @@ def photo_for(
     return shot.pixels, read_camera(camera, photo.name, mm_per_unit=mm_per_unit) if camera else None, shot.warnings
 
 
-def write_acquired(made: Acquired, output: Path, picture: Path | None) -> list[Path]:
+def write_acquired(made: Acquired, files: ScanFiles) -> list[Path]:
     """Write the scan and, if it is asked for, the picture to look at."""
     import numpy as np
 
@@ -75,11 +100,11 @@ def write_acquired(made: Acquired, output: Path, picture: Path | None) -> list[P
     from planish.io import write_page, write_scan
     from planish.types import Page
 
-    written = write_scan(output, made.scan)
-    if picture is not None:
+    written = write_scan(files.output, made.scan)
+    if files.picture is not None:
         pixels = drawn(made)
-        write_page(picture, Page(pixels, np.ones(pixels.shape[:2], bool), 100.0))
-        written.append(picture)
+        write_page(files.picture, Page(pixels, np.ones(pixels.shape[:2], bool), 100.0))
+        written.append(files.picture)
     return written
 
 

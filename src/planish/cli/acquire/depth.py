@@ -7,8 +7,7 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from planish.cli.acquire.common import Mask, Picture
-from planish.cli.options import Output, Quiet
+from planish.cli.acquire.common import Mask, ScanFiles, check_scan_files, say, sheet_on, write_acquired
 
 
 def depth(
@@ -20,10 +19,7 @@ def depth(
     photo_camera: Path | None = None,
     scale: float | Literal["auto", "realsense", "kinect", "tum", "mm", "m"] = "auto",
     mask: Mask = "auto",
-    output: Output,
-    picture: Picture = None,
-    overwrite: bool = True,
-    quiet: Quiet = False,
+    files: ScanFiles,
 ) -> None:
     """Make a scan from the depth maps of a depth camera and a colour photo.
 
@@ -44,22 +40,13 @@ def depth(
     mask
         Where on the photo the sheet is: an image that is white there; auto: bright paper on darker ground; none:
         everywhere.
-    output
-        The scan to write: .ply or .obj with the photo beside it, or .glb.
-    picture
-        Also write a picture of the scan: its relief, its photo on it, and the confidence of every point.
-    overwrite
-        Whether files in place may be replaced.
-    quiet
-        Print nothing but errors.
     """
     from planish.acquire.range_image.depth import from_depth
-    from planish.cli.acquire.common import check_outputs, say, sheet_on, write_acquired
     from planish.cli.talk import progress
     from planish.io import read_camera, read_depths, read_photo
 
-    check_outputs(output, picture, overwrite=overwrite)
-    with progress(quiet=quiet) as tell:
+    check_scan_files(files)
+    with progress(quiet=files.quiet) as tell:
         tell("read", 0.0)
         frames, warnings = read_depths(depth_maps, scale)
         depth_camera = read_camera(camera)
@@ -68,5 +55,5 @@ def depth(
         tell("acquire", 0.0)
         made = from_depth(frames, depth_camera, shot.pixels, seen_from, mask=sheet_on(mask))
         tell("write", 0.0)
-        written = write_acquired(made, output, picture)
-    say(made, [*warnings, *shot.warnings], written, quiet=quiet)
+        written = write_acquired(made, files)
+    say(made, [*warnings, *shot.warnings], written, quiet=files.quiet)

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from planish.cli.acquire.common import Mask, Picture
+from planish.cli.acquire.common import Mask, ScanFiles, check_scan_files, say, sheet_on, write_acquired
 from planish.cli.options import Output, Quiet
 
 
@@ -20,10 +20,7 @@ def gray_code(
     projector_scale: float = 1.0,
     photo: Path | None = None,
     mask: Mask = "auto",
-    output: Output,
-    picture: Picture = None,
-    overwrite: bool = True,
-    quiet: Quiet = False,
+    files: ScanFiles,
 ) -> None:
     """Make a scan from photos of a sheet under a projector's Gray code.
 
@@ -43,22 +40,13 @@ def gray_code(
     mask
         Where on the photo the sheet is: an image that is white there; auto: bright paper on darker ground; none:
         everywhere.
-    output
-        The scan to write: .ply or .obj with the photo beside it, or .glb.
-    picture
-        Also write a picture of the scan: its relief, its photo on it, and the confidence of every point.
-    overwrite
-        Whether files in place may be replaced.
-    quiet
-        Print nothing but errors.
     """
     from planish.acquire.structured_light.scan import check_size, from_gray_code
-    from planish.cli.acquire.common import check_outputs, say, sheet_on, write_acquired
     from planish.cli.talk import progress
     from planish.io import read_camera, read_captures, read_photo
 
-    check_outputs(output, picture, overwrite=overwrite)
-    with progress(quiet=quiet) as tell:
+    check_scan_files(files)
+    with progress(quiet=files.quiet) as tell:
         tell("read", 0.0)
         cameras = read_camera(camera), read_camera(projector)
         captured = read_captures(photos)
@@ -67,8 +55,8 @@ def gray_code(
         tell("acquire", 0.0)
         made = from_gray_code(captured.frames, *cameras, shot, projector_scale=projector_scale, mask=sheet_on(mask))
         tell("write", 0.0)
-        written = write_acquired(made, output, picture)
-    say(made, [], written, quiet=quiet)
+        written = write_acquired(made, files)
+    say(made, [], written, quiet=files.quiet)
 
 
 def patterns(

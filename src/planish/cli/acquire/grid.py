@@ -7,8 +7,16 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from planish.cli.acquire.common import Mask, Picture
-from planish.cli.options import Output, Quiet
+from planish.cli.acquire.common import (
+    Mask,
+    ScanFiles,
+    check_scan_files,
+    cloud_in_mm,
+    photo_for,
+    say,
+    sheet_on,
+    write_acquired,
+)
 from planish.settings import Units
 
 
@@ -22,10 +30,7 @@ def grid(
     units: Units = "auto",
     seen_from: tuple[float, float, float] | None = None,
     mask: Mask = "auto",
-    output: Output,
-    picture: Picture = None,
-    overwrite: bool = True,
-    quiet: Quiet = False,
+    files: ScanFiles,
 ) -> None:
     """Make a scan from a range image: an organised point cloud.
 
@@ -49,25 +54,16 @@ def grid(
     mask
         Where on the photo the sheet is: an image that is white there; auto: bright paper on darker ground; none:
         everywhere.
-    output
-        The scan to write: .ply or .obj with the photo beside it, or .glb.
-    picture
-        Also write a picture of the scan: its relief, its photo on it, and the confidence of every point.
-    overwrite
-        Whether files in place may be replaced.
-    quiet
-        Print nothing but errors.
     """
     import numpy as np
 
     from planish.acquire.range_image.grid import from_grid, grid_photo
     from planish.acquire.range_image.shape import grid_shape
-    from planish.cli.acquire.common import check_outputs, cloud_in_mm, photo_for, say, sheet_on, write_acquired
     from planish.cli.talk import progress
     from planish.io import read_cloud
 
-    check_outputs(output, picture, overwrite=overwrite)
-    with progress(quiet=quiet) as tell:
+    check_scan_files(files)
+    with progress(quiet=files.quiet) as tell:
         tell("read", 0.0)
         cloud = read_cloud(file)
         shape_rc = grid_shape(cloud.points, cloud.shape_rc, size and (size[1], size[0]))
@@ -81,5 +77,5 @@ def grid(
         eye = None if stood is None else stood * mm_per_unit
         made = from_grid(points, shot, seen_by, seen_from=eye, mask=sheet_on(mask))
         tell("write", 0.0)
-        written = write_acquired(made, output, picture)
-    say(made, [*warnings, *notes], written, quiet=quiet)
+        written = write_acquired(made, files)
+    say(made, [*warnings, *notes], written, quiet=files.quiet)

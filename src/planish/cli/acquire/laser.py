@@ -7,8 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from planish.cli.acquire.common import Mask, Picture
-from planish.cli.options import Output, Quiet
+from planish.cli.acquire.common import Mask, ScanFiles, check_scan_files, say, sheet_on, write_acquired
 
 
 def laser(
@@ -20,10 +19,7 @@ def laser(
     planes: Path,
     motion: Path | None = None,
     mask: Mask = "auto",
-    output: Output,
-    picture: Picture = None,
-    overwrite: bool = True,
-    quiet: Quiet = False,
+    files: ScanFiles,
 ) -> None:
     """Make a scan from photos of a laser line that sweeps over the sheet.
 
@@ -44,26 +40,17 @@ def laser(
     mask
         Where on the photo the sheet is: an image that is white there; auto: bright paper on darker ground; none:
         everywhere.
-    output
-        The scan to write: .ply or .obj with the photo beside it, or .glb.
-    picture
-        Also write a picture of the scan: its relief, its photo on it, and the confidence of every point.
-    overwrite
-        Whether files in place may be replaced.
-    quiet
-        Print nothing but errors.
     """
     from planish.acquire.laser.sweep import from_laser, planes_from_background, sweep_stripes
-    from planish.cli.acquire.common import check_outputs, say, sheet_on, write_acquired
     from planish.cli.talk import progress
     from planish.io import read_camera, read_photo
     from planish.io.captures import image_files
     from planish.io.lasers import read_sweep
 
-    check_outputs(output, picture, overwrite=overwrite)
+    check_scan_files(files)
     paths = [path for path in image_files(frames) if path.resolve() != photo.resolve()]
     names = [path.name for path in paths]
-    with progress(quiet=quiet) as tell:
+    with progress(quiet=files.quiet) as tell:
         tell("read", 0.0)
         seen_from = read_camera(camera)
         known = read_sweep(planes, names, motion, seen_from)
@@ -75,5 +62,5 @@ def laser(
             known = planes_from_background(sweep, names, seen_from, *known)
         made = from_laser(sweep, names, off.pixels, seen_from, known, mask=sheet_on(mask))
         tell("write", 0.0)
-        written = write_acquired(made, output, picture)
-    say(made, off.warnings, written, quiet=quiet)
+        written = write_acquired(made, files)
+    say(made, off.warnings, written, quiet=files.quiet)

@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from planish.cli.acquire.common import Mask, Picture
-from planish.cli.options import Output, Quiet
+from planish.cli.acquire.common import Mask, ScanFiles, check_scan_files, say, sheet_on, write_acquired
 
 if TYPE_CHECKING:
     from planish.types import Camera
@@ -20,10 +19,7 @@ def laser_lines(
     photo: Path | None = None,
     camera: Path | None = None,
     mask: Mask = "none",
-    output: Output,
-    picture: Picture = None,
-    overwrite: bool = True,
-    quiet: Quiet = False,
+    files: ScanFiles,
 ) -> None:
     """Make a scan of a book from one photo with two fixed laser lines across it.
 
@@ -40,23 +36,14 @@ def laser_lines(
     mask
         Where on the photo the sheet is: an image that is white there; auto: bright paper on darker ground; none:
         everywhere, with what lies around the book.
-    output
-        The scan to write: .ply or .obj with the photo beside it, or .glb.
-    picture
-        Also write a picture of the scan: its relief, its photo on it, and the confidence of every point.
-    overwrite
-        Whether files in place may be replaced.
-    quiet
-        Print nothing but errors.
     """
     from planish.acquire.laser.lines import from_laser_lines
-    from planish.cli.acquire.common import check_outputs, say, sheet_on, write_acquired
     from planish.cli.talk import progress
     from planish.io import read_camera, read_photo
     from planish.io.lasers import check_camera, read_rig
 
-    check_outputs(output, picture, overwrite=overwrite)
-    with progress(quiet=quiet) as tell:
+    check_scan_files(files)
+    with progress(quiet=files.quiet) as tell:
         tell("read", 0.0)
         planes, held, notes = read_rig(lasers)
         seen_from = held if camera is None else read_camera(camera)
@@ -65,8 +52,8 @@ def laser_lines(
         tell("acquire", 0.0)
         made = from_laser_lines(on.pixels, None if off is None else off.pixels, seen_from, planes, mask=sheet_on(mask))
         tell("write", 0.0)
-        written = write_acquired(made, output, picture)
-    say(made, [*notes, *on.warnings, *([] if off is None else off.warnings)], written, quiet=quiet)
+        written = write_acquired(made, files)
+    say(made, [*notes, *on.warnings, *([] if off is None else off.warnings)], written, quiet=files.quiet)
 
 
 def camera_of(photo: Path, shape_rc: tuple[int, int]) -> Camera:

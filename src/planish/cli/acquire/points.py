@@ -7,8 +7,16 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from planish.cli.acquire.common import Mask, Picture
-from planish.cli.options import Output, Quiet
+from planish.cli.acquire.common import (
+    Mask,
+    ScanFiles,
+    check_scan_files,
+    cloud_in_mm,
+    photo_for,
+    say,
+    sheet_on,
+    write_acquired,
+)
 from planish.settings import Units
 
 
@@ -21,10 +29,7 @@ def points(
     units: Units = "auto",
     seen_from: tuple[float, float, float] | None = None,
     mask: Mask = "auto",
-    output: Output,
-    picture: Picture = None,
-    overwrite: bool = True,
-    quiet: Quiet = False,
+    files: ScanFiles,
 ) -> None:
     """Make a scan from points in any order, as photogrammetry makes them. Needs the extra `planish[points]`.
 
@@ -44,27 +49,18 @@ def points(
     mask
         Where on the photo the sheet is: an image that is white there; auto: bright paper on darker ground; none:
         everywhere.
-    output
-        The scan to write: .ply or .obj with the photo beside it, or .glb.
-    picture
-        Also write a picture of the scan: its relief, its photo on it, and the confidence of every point.
-    overwrite
-        Whether files in place may be replaced.
-    quiet
-        Print nothing but errors.
     """
     import numpy as np
 
     from planish.acquire.points.scan import from_points
-    from planish.cli.acquire.common import check_outputs, cloud_in_mm, photo_for, say, sheet_on, write_acquired
     from planish.cli.talk import progress
     from planish.errors import UsageError
     from planish.io import read_cloud
 
-    check_outputs(output, picture, overwrite=overwrite)
+    check_scan_files(files)
     if photo is not None and camera is None:
         raise UsageError("--photo needs --camera here: nothing else tells where the points lie on it")
-    with progress(quiet=quiet) as tell:
+    with progress(quiet=files.quiet) as tell:
         tell("read", 0.0)
         cloud = read_cloud(file)
         mm_per_unit, warnings = cloud_in_mm(cloud, units)
@@ -76,5 +72,5 @@ def points(
             cloud.points * mm_per_unit, cloud.colours, cloud.normals, shot, seen_by, seen_from=eye, mask=sheet_on(mask)
         )
         tell("write", 0.0)
-        written = write_acquired(made, output, picture)
-    say(made, [*warnings, *notes], written, quiet=quiet)
+        written = write_acquired(made, files)
+    say(made, [*warnings, *notes], written, quiet=files.quiet)

@@ -7,8 +7,8 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from planish.cli.acquire.common import Picture
-from planish.cli.calibrate.common import Kind, SquareMm, Squares
+from planish.cli.acquire.common import check_files
+from planish.cli.calibrate.common import Kind, SquareMm, Squares, write_calibration
 from planish.cli.options import Output, Quiet
 
 
@@ -54,7 +54,7 @@ def camera(
     squares: Squares = (7, 10),
     square_mm: SquareMm = 25.0,
     kind: Kind = "charuco",
-    picture: Picture = None,
+    picture: Path | None = None,
     overwrite: bool = True,
     quiet: Quiet = False,
 ) -> None:
@@ -82,8 +82,6 @@ def camera(
     """
     from planish.acquire.calibration.boards import Board
     from planish.acquire.calibration.camera import calibrate_camera
-    from planish.cli.acquire.common import check_files
-    from planish.cli.calibrate.common import write_calibration
     from planish.cli.talk import progress
     from planish.io import read_captures
 
@@ -107,7 +105,7 @@ def projector(
     squares: Squares = (7, 10),
     square_mm: SquareMm = 25.0,
     kind: Kind = "charuco",
-    picture: Picture = None,
+    picture: Path | None = None,
     overwrite: bool = True,
     quiet: Quiet = False,
 ) -> None:
@@ -139,8 +137,6 @@ def projector(
     """
     from planish.acquire.calibration.boards import Board
     from planish.acquire.calibration.camera import calibrate_projector
-    from planish.cli.acquire.common import check_files
-    from planish.cli.calibrate.common import write_calibration
     from planish.cli.talk import progress
     from planish.io import read_camera, read_captures
 
