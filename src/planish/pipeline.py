@@ -20,7 +20,6 @@ from planish.render import (
     find_spine,
     missing_parts,
     preview,
-    project,
     skew_degrees,
     spine_of,
     upright_turn,
@@ -90,7 +89,7 @@ def restore(
     s = settings or RestoreSettings()
     stage = Stages(progress or (lambda name, share: None))
     with stage("clean"):
-        cleaned = clean(_with_photo_places(scan))
+        cleaned = clean(scan)
     with stage("flatten") as tell:
         sheet = cleaned.scan
         eye = viewpoint(sheet.mesh, sheet.photo_xy, cleaned.topology.edges)
@@ -203,13 +202,6 @@ class Stages:
         yield lambda share: self.progress(name, share)
         self.seconds[name] = self.seconds.get(name, 0.0) + perf_counter() - start
         self.progress(name, 1.0)
-
-
-def _with_photo_places(scan: Scan) -> Scan:
-    """A scan that came with a camera only learns where its points lie on the photo."""
-    if scan.camera is None or scan.photo_xy is not None:
-        return scan
-    return replace(scan, photo_xy=project(scan.camera, scan.mesh.points))
 
 
 def _the_right_way_round(

@@ -8,7 +8,7 @@ import numpy as np
 
 from planish.binarize import binarize
 from planish.io import make_folder, write_page
-from planish.mesh import Cleaned, clean, stand_on_table
+from planish.mesh import clean, from_file_order, stand_on_table
 from planish.report import certificate, contact_sheet, heat_map, relief
 from planish.report.certificate import DPI
 from planish.types import Bools, Floats, Mesh, Page, Pixels, Restoration, Scan
@@ -48,7 +48,7 @@ def write_stages(folder: Path, scan: Scan, done: Restoration) -> list[Path]:
     page = done.unshaded or done.rendered
     cleaned, flat = clean(scan), done.flattening
     faces = cleaned.scan.mesh.faces
-    page_xy, error, strain = (_of_cleaned(cleaned, v) for v in (flat.page_xy, flat.error_mm, flat.local_strain))
+    page_xy, error, strain = (from_file_order(cleaned, v) for v in (flat.page_xy, flat.error_mm, flat.local_strain))
     before, after = standing_and_lying(cleaned.scan.mesh, page_xy)
     pictures: dict[str, Pixels | Bools] = {
         "1-warped": photo.pixels,
@@ -82,14 +82,6 @@ def standing_and_lying(mesh: Mesh, page_xy: Floats) -> tuple[Floats, Floats]:
     standing = points - [*points[:, :2].mean(axis=0), 0]
     standing[:, :2] = standing[:, :2] @ _rotation_onto(standing[:, :2], page).T
     return standing, np.c_[page, 0 * page[:, :1]]
-
-
-def _of_cleaned(cleaned: Cleaned, values: Floats) -> Floats:
-    """Values of the file's points, for the points of the cleaned mesh."""
-    kept = cleaned.place >= 0
-    out = np.zeros((len(cleaned.scan.mesh.points), *values.shape[1:]))
-    out[cleaned.place[kept]] = values[kept]
-    return out
 
 
 def _rotation_onto(xy: Floats, target: Floats) -> Floats:

@@ -6,7 +6,7 @@ from planish.mesh.clean import Cleaned, clean
 from planish.mesh.lattice import lattice_faces, without_crumbs
 from planish.mesh.locality import local_order, renumbered
 from planish.mesh.measures import angle_sums, area_vectors, border_loops, bounds, point_normals
-from planish.mesh.place import to_file_order
+from planish.mesh.place import from_file_order, to_file_order
 from planish.mesh.projection import depths, project
 from planish.mesh.raster import rasterise
 from planish.mesh.srgb import LUMINANCE, code_values, linear_light
@@ -27,6 +27,7 @@ __all__ = [
     "clean",
     "code_values",
     "depths",
+    "from_file_order",
     "lattice_faces",
     "linear_light",
     "local_order",

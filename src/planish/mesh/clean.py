@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from planish.errors import InputError
 from planish.memory import check_memory
 from planish.mesh.measures import angle_sums, area_vectors, border_loops, bounds
 from planish.mesh.orient import pieces_and_winding
+from planish.mesh.projection import project
 from planish.mesh.topology import Topology, topology
 from planish.types import Bools, Floats, Ints, Mesh, Scan
 
@@ -52,7 +53,8 @@ def clean(scan: Scan) -> Cleaned:
     Left out, with a warning: faces with points that are not finite, faces that use a point twice or stand twice in
     the file, flaps at edges with three faces and pieces below one hundredth of the area, points of no face. Points
     in the same place are welded where that joins pieces or closes a slit in a sheet, but not where a seam was cut
-    on purpose (`_weld`). Faces are turned so that neighbours agree and the photo is not seen in a mirror.
+    on purpose (`_weld`). Faces are turned so that neighbours agree and the photo is not seen in a mirror. A scan with
+    a camera alone learns where its points lie on the photo.
 
     Raises
     ------
@@ -64,6 +66,8 @@ def clean(scan: Scan) -> Cleaned:
     _check(points, faces)
     need = BYTES_PER_POINT * max(len(points), len(faces) / 2)
     check_memory(need, f"flattening {len(points):,} points", "let the scanner's software reduce the mesh")
+    if scan.camera is not None and scan.photo_xy is None:
+        scan = replace(scan, photo_xy=project(scan.camera, points))
     warnings: list[str] = []
     rows = _usable(points, faces, warnings)
     rows, topo = _manifold(points, faces, rows, warnings)

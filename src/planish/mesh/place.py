@@ -35,3 +35,11 @@ def to_file_order(cleaned: Cleaned, file_points: Floats, values: Floats) -> Floa
 
         place[lost] = cKDTree(cleaned.scan.mesh.points).query(file_points[lost])[1]
     return np.asarray(np.where(place[:, None] >= 0, values[place], 0.0))
+
+
+def from_file_order(cleaned: Cleaned, values: Floats) -> Floats:
+    """Values of the file's points, (n,) or (n, k), for the points of the cleaned mesh."""
+    kept = cleaned.place >= 0
+    out = np.zeros((len(cleaned.scan.mesh.points), *values.shape[1:]))
+    out[cleaned.place[kept]] = values[kept]
+    return out

@@ -6,7 +6,6 @@ import gzip
 import hashlib
 import json
 from base64 import b64encode
-from dataclasses import replace
 from html import escape
 from importlib.resources import files
 from string import Template
@@ -15,9 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from planish.mesh import Cleaned, clean, project
+from planish.mesh import clean, from_file_order
 from planish.report.heat import coloured
-from planish.types import Floats, Restoration, Scan
+from planish.types import Restoration, Scan
 from planish.view.pictures import UNKNOWN, Map, Picture, margin_of, page_pictures, quality_maps, warped_picture
 from planish.view.settling import Settling, settling
 from planish.view.words import headline, in_words, of_the_fall
@@ -50,10 +49,8 @@ def view_page(scan: Scan, done: Restoration, name: str = "") -> bytes:
     >>> view_page(scan, restore(scan), "a book").decode()[:15]
     '<!doctype html>'
     """
-    if scan.camera is not None and scan.photo_xy is None:
-        scan = replace(scan, photo_xy=project(scan.camera, scan.mesh.points))
     cleaned, flat = clean(scan), done.flattening
-    page_xy, strain, error = (_of_cleaned(cleaned, v) for v in (flat.page_xy, flat.local_strain, flat.error_mm))
+    page_xy, strain, error = (from_file_order(cleaned, v) for v in (flat.page_xy, flat.local_strain, flat.error_mm))
     fall = settling(cleaned.scan.mesh, cleaned.topology, page_xy, flat.size_mm)
     pictures = page_pictures(done)
     if pictures:
@@ -160,11 +157,3 @@ def packed(array: NDArray[Any]) -> str:
 def _json(value: Any) -> str:
     """JSON that cannot end the element that it stands in."""
     return json.dumps(value, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
-
-
-def _of_cleaned(cleaned: Cleaned, values: Floats) -> Floats:
-    """Values of the file's points, for the points of the cleaned mesh."""
-    kept = cleaned.place >= 0
-    out = np.zeros((len(cleaned.scan.mesh.points), *values.shape[1:]))
-    out[cleaned.place[kept]] = values[kept]
-    return out
