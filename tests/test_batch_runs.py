@@ -52,7 +52,14 @@ def places(out):
 
 def started(scans, out, *flags):
     command = [sys.executable, "-m", "planish", "batch", scans.name, "-o", str(out), *FLAGS, *flags]
-    return subprocess.Popen(command, cwd=scans.parent, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    return subprocess.Popen(
+        command,
+        cwd=scans.parent,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a job in the background ignores it
+    )
 
 
 def processes_of(session):

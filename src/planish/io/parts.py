@@ -74,7 +74,7 @@ def _made(path: Path, folder: bool) -> int | None:
     except (FileExistsError, FileNotFoundError):
         return None
     with suppress(OSError):  # some network drives know no locks
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        fcntl.flock(lock, fcntl.LOCK_EX)  # who has it now is just finding out whether this was left behind
     if _is(path, lock):
         return lock
     os.close(lock)
