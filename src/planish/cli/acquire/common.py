@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from planish.cli.options import Output, Quiet
+from planish.cli.options import Output, Quiet, check_files
 
 if TYPE_CHECKING:
     from planish.acquire.grid_mesh import Acquired
@@ -47,16 +47,6 @@ def check_scan_files(files: ScanFiles) -> None:
 
     check_scan_name(files.output)
     check_files(files.output, files.picture, overwrite=files.overwrite)
-
-
-def check_files(output: Path, picture: Path | None, *, overwrite: bool) -> None:
-    """Refuse before any work a file of any kind, or a picture, that could not be written after it."""
-    from planish.io import check_page_name, check_writable
-
-    check_writable(output, overwrite=overwrite)
-    if picture is not None:
-        check_page_name(picture)
-        check_writable(picture, overwrite=overwrite)
 
 
 def sheet_on(mask: str) -> Bools | str | None:

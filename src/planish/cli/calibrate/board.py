@@ -7,9 +7,8 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from planish.cli.acquire.common import check_files
 from planish.cli.calibrate.common import Kind, SquareMm, Squares, write_calibration
-from planish.cli.options import Output, Quiet
+from planish.cli.options import Output, Quiet, check_files
 
 
 def board(
