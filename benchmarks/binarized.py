@@ -16,10 +16,10 @@ import numpy as np
 from machine import machine
 from planish.binarize import binarize
 from planish.gallery import sheet, typeset_page, virtual_scan
+from planish.illumination import unshade
 from planish.mesh import point_normals
 from planish.render import draw
 from planish.settings import Binarization, BinarizeSettings, RenderSettings
-from planish.shading import unshade
 from planish.types import Page
 
 CONTRASTS = (1.0, 0.5, 0.3)

@@ -24,11 +24,11 @@ from machine import machine
 from planish.flattening import flatten
 from planish.flattening.overlaps import overlaps
 from planish.gallery import sheet, sheet_mesh
+from planish.geometry.distances import distances
 from planish.mesh import Topology, area_vectors, topology
 from planish.report import flipped_faces
 from planish.settings import FlattenSettings
 from planish.sticks import strain
-from planish.sticks.strain import distances
 from planish.types import Mesh
 from truth import rigid_rms
 

@@ -29,11 +29,11 @@ import numpy as np
 from cases import Case, gallery, given
 from likeness import as_docunet, grey
 from machine import machine
+from planish.illumination import unshade
 from planish.io import read_scan, write_page
 from planish.mesh import clean
 from planish.render import draw
-from planish.shading import unshade
-from planish.sticks import smooth_normals
+from planish.surface import smooth_normals
 from truth import character_error, read_text
 
 SHEETS = ("book", "spread", "wave", "miura", "curl", "letter")

@@ -37,7 +37,7 @@ from likeness import as_docunet, brought_onto, grey, local_distortion
 from machine import machine
 from planish import InputError, Scan, restore
 from planish.gallery import VirtualScan, sheet, typeset_page, virtual_scan
-from planish.mesh import project
+from planish.geometry import project
 from planish.photo import find_shape
 from planish.photo.lines import text_lines
 from planish.photo.look import look_at

@@ -25,8 +25,10 @@ from scipy.sparse.linalg import SuperLU, splu
 from machine import machine
 from planish.gallery import Sheet, sheet, sheet_mesh, virtual_scan
 from planish.gallery.meshes import SCANNER_MM
+from planish.geometry.distances import distances
 from planish.mesh import Topology, topology
-from planish.sticks import distances, make_sticks, smooth_lengths, unfolded_distance
+from planish.sticks import make_sticks, unfolded_distance
+from planish.surface import smooth_lengths
 from planish.types import Mesh, Page, Sticks
 from truth import rigid_rms
 

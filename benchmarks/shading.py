@@ -24,14 +24,15 @@ import cv2
 import numpy as np
 
 from machine import machine
+from planish.color import code_values, linear_light
 from planish.gallery import Light, Sheet, VirtualScan, sheet, typeset_page, virtual_scan
 from planish.gallery.light import irradiance
 from planish.gallery.sheets import normals
-from planish.mesh import clean, code_values, linear_light
+from planish.illumination import Unshaded, unshade
+from planish.mesh import repair as clean
 from planish.render import draw
 from planish.settings import ShadingSettings
-from planish.shading import Unshaded, unshade
-from planish.sticks import smooth_normals
+from planish.surface import smooth_normals
 from planish.types import Floats, Page
 
 GAMMA = 2.2

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 
 from machine import machine
-from planish.mesh import code_values, linear_light
+from planish.color import code_values, linear_light
 from planish.render import draw
 from planish.settings import RenderSettings
 from planish.types import Mesh, Scan

@@ -25,7 +25,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from machine import machine
 from planish.flattening import drop, settle
-from planish.flattening.lattice import lattice_springs, lay_lattice
+from planish.flattening.quad_mesh import lattice_springs, lay_lattice
 from planish.flattening.verlet import Settled, at_rest, project, relax, shuffled
 from planish.gallery import sheet, virtual_scan
 from planish.mesh import Coarse, carry, clean, stand_on_table, subsample, topology

@@ -5,13 +5,13 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw
 
-from planish.crew import crew
 from planish.flattening import to_page_frame
 from planish.flattening.clusters import lay_out_clusters
-from planish.flattening.multigrid import relax
-from planish.flattening.unfold import as_they_lie, lay_out
+from planish.flattening.initial_layout import as_they_lie, lay_out
+from planish.flattening.stick_solver import relax
 from planish.gallery import sheet, sheet_mesh
 from planish.mesh import topology
+from planish.parallel import crew
 from planish.report.drawing import Sheet
 from planish.report.heat import coloured, over_page
 from planish.sticks import make_sticks

@@ -7,17 +7,17 @@ import numpy as np
 import pytest
 
 from planish.acquire.grid_mesh import grid_mesh
-from planish.acquire.paper import find_sheet
 from planish.acquire.picture import picture
 from planish.acquire.range_image.depth import averaged, back_projected, from_depth, without_flying_pixels
 from planish.cli.main import run
+from planish.document.sheet_outline import find_sheet
 from planish.errors import InputError
 from planish.gallery import sheet
 from planish.gallery.devices import depth_capture
 from planish.gallery.sheets import normals
+from planish.geometry import project
 from planish.io import read_scan
 from planish.io.cameras import camera_as_json
-from planish.mesh import project
 from planish.types import Camera
 
 SHAPE = (60, 80)

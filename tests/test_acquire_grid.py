@@ -13,9 +13,9 @@ from planish.cli.main import run
 from planish.errors import InputError
 from planish.gallery import sheet
 from planish.gallery.clouds import range_image
+from planish.geometry import project
 from planish.io import read_cloud, read_scan
 from planish.io.cameras import camera_as_json
-from planish.mesh import project
 from planish.types import Camera
 
 SHAPE = (24, 32)

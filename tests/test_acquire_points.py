@@ -12,9 +12,9 @@ from planish.cli.main import run
 from planish.errors import InputError
 from planish.gallery import sheet
 from planish.gallery.clouds import photo_points
+from planish.geometry import project
 from planish.io import read_cloud, read_scan
 from planish.io.cameras import camera_as_json
-from planish.mesh import project
 from planish.types import Camera
 
 skimage = pytest.importorskip("skimage", reason="the extra planish[points] is not installed")

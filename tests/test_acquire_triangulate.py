@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from planish.acquire.triangulate import meet_plane, rays
-from planish.mesh import project
+from planish.geometry import project
+from planish.geometry.triangulation import meet_plane, rays
 from planish.types import Camera
 
 LENS = np.array([-0.22, -0.87, -0.0007, -0.0017, 3.1])  # of a real camera of 3450 px focal length

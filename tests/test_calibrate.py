@@ -19,9 +19,9 @@ from planish.cli.main import run
 from planish.errors import InputError, UsageError
 from planish.gallery import sheet, typeset_sheet
 from planish.gallery.devices import SMALL_RIG, board_poses, posed, projector_rig, structured_light
+from planish.geometry import project
 from planish.io import read_camera
 from planish.io.cameras import camera_as_json
-from planish.mesh import project
 
 SESSION = Path(__file__).parent.parent / "docs" / "acquire.md"
 BOARD = Board(9, 7, 18.0)

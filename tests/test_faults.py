@@ -17,8 +17,8 @@ import pytest
 from planish.cli.main import run
 from planish.errors import OutputError
 from planish.io import all_or_nothing, write_json, write_page, write_scan
+from planish.io.atomic import Part
 from planish.io.files import write_bytes, writing, writing_folder
-from planish.io.parts import Part
 from planish.types import Page
 from samples import sheet_scan
 
@@ -244,7 +244,7 @@ def test_a_signal_in_the_middle_of_decoding_is_not_silenced(tmp_path):
     code = (
         "import os, signal, sys, threading\n"
         "from planish.cli import main as run\n"
-        "from planish.io.silence import silence\n"
+        "from planish.io.suppress_stderr import silence\n"
         "def work(arguments):\n"
         "    with silence():\n"
         "        os.kill(os.getpid(), signal.SIGTERM); threading.Event().wait(30)\n"

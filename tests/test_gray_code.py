@@ -16,15 +16,15 @@ from planish.acquire.structured_light.gray_code import Codes, bits_for, decode, 
 from planish.acquire.structured_light.projector import check_fit, coarser, points_and_misses
 from planish.acquire.structured_light.scan import from_gray_code
 from planish.acquire.structured_light.sub_code import refined
-from planish.acquire.triangulate import meet_plane, rays
 from planish.cli.main import run
 from planish.errors import InputError, UsageError
 from planish.gallery import sheet, typeset_sheet
 from planish.gallery.devices import PROJECTOR_LENS, SMALL_RIG, projector_rig, structured_light
 from planish.gallery.view import device, view
+from planish.geometry import project
+from planish.geometry.triangulation import meet_plane, rays
 from planish.io import image_files, read_captures
 from planish.io.cameras import camera_as_json
-from planish.mesh import project
 from planish.types import Camera
 
 PROJECTOR = SMALL_RIG[1]

@@ -7,9 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from planish.errors import InputError
+from planish.geometry import project
 from planish.io import read_camera
 from planish.io.cameras import camera_as_json
-from planish.mesh import project
 
 MATRIX = [[900.0, 0, 320], [0, 880.0, 240], [0, 0, 1]]
 TURN = [0.3, -0.5, 0.2]

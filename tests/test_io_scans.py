@@ -6,8 +6,8 @@ import pytest
 from PIL import Image
 
 from planish.errors import InputError, OutputError, UsageError
+from planish.geometry import project
 from planish.io import check_flat_name, read_scan, write_flat, write_scan
-from planish.mesh import project
 from planish.types import Mesh, Scan
 from samples import camera_above, obj_text, picture, sheet_scan, write_obj_by_hand
 

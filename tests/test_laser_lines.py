@@ -14,7 +14,6 @@ from planish.acquire.laser.board import planes_of_boards
 from planish.acquire.laser.lines import cylinder_of, from_laser_lines, on_cylinder, points_of, two_lines
 from planish.acquire.laser.rig import rig_of_squares
 from planish.acquire.laser.squares import find_squares
-from planish.acquire.triangulate import rays
 from planish.cli.main import run
 from planish.errors import InputError
 from planish.gallery import sheet
@@ -30,6 +29,7 @@ from planish.gallery.laser import (
 )
 from planish.gallery.scanner import overhead_camera
 from planish.gallery.sheets import Sheet
+from planish.geometry.triangulation import rays
 from planish.io import read_photo, read_scan, write_page
 from planish.io.cameras import camera_as_json
 from planish.io.lasers import read_motion, read_rig, read_sweep, write_rig

@@ -5,8 +5,8 @@ from hypothesis import strategies as st
 
 from planish.errors import InputError, UsageError
 from planish.flattening import drop, flatten
-from planish.flattening.lattice import lattice_springs, lay_lattice
 from planish.flattening.mass_spring import move, pull, weigh
+from planish.flattening.quad_mesh import lattice_springs, lay_lattice
 from planish.gallery import sheet, sheet_mesh
 from planish.mesh import area_vectors, topology
 from planish.settings import FlattenSettings, MassSpringSettings

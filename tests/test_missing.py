@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from planish.render import mask_of, missing_parts, split
+from planish.document import split
+from planish.render import mask_of, missing_parts
 from planish.types import Page, Spine
 
 

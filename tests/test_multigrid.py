@@ -5,18 +5,18 @@ import pytest
 from scipy.sparse import coo_array, eye_array
 from scipy.sparse.linalg import spsolve
 
-from planish.crew import crew
 from planish.errors import UsageError
 from planish.flattening.energy import energy, make_net, stiffness
-from planish.flattening.grid import make_preconditioner, precondition
-from planish.flattening.multigrid import relax
+from planish.flattening.multigrid_preconditioner import make_preconditioner, precondition
 from planish.flattening.overlaps import layers, overlaps
+from planish.flattening.stick_solver import relax
 from planish.flattening.untangle import untangle
 from planish.gallery import sheet, sheet_mesh
+from planish.geometry.distances import distances
 from planish.mesh import clean, topology
+from planish.parallel import crew
 from planish.settings import MultigridSettings
 from planish.sticks import bending_pairs, make_sticks
-from planish.sticks.strain import distances
 from planish.types import Mesh, Outcome, Scan, Sticks
 from shapes import arch, grid, rigid_rms
 

@@ -18,7 +18,7 @@ from planish.errors import InputError, UsageError
 from planish.gallery import sheet, typeset_sheet
 from planish.gallery.devices import projector_rig, structured_light
 from planish.gallery.view import view
-from planish.mesh import project
+from planish.geometry import project
 
 CAMERA, PROJECTOR = (256, 320), (400, 640)
 """Pixels of the camera are twice those of the projector: the finest stripes, of two pixels, are hardly seen."""

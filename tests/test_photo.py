@@ -9,7 +9,7 @@ from scipy.interpolate import LinearNDInterpolator
 
 from planish.errors import InputError, UsageError
 from planish.gallery import sheet, typeset_page, virtual_scan
-from planish.mesh import project
+from planish.geometry import project
 from planish.photo import find_shape
 from planish.photo.borders import borders_in
 from planish.photo.cylinder import Cylinder, in_space, on_photo, seen_at

@@ -6,10 +6,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from planish.color import code_values, linear_light
 from planish.errors import InputError
-from planish.mesh import code_values, linear_light, project
+from planish.geometry import project
 from planish.render import draw
-from planish.render.chart import chart
+from planish.render.uv_map import chart
 from planish.settings import RenderSettings
 from planish.types import Camera, Mesh, Scan
 from shapes import grid

@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
+from planish.color import code_values, linear_light
 from planish.errors import InputError
-from planish.mesh import code_values, linear_light
 from planish.pipeline import restore
 from planish.render import draw
 from planish.settings import RenderSettings, RestoreSettings

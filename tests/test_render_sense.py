@@ -4,9 +4,9 @@ import cv2
 import numpy as np
 import pytest
 
+from planish.document.orientation import skew_degrees, upright_turn
 from planish.gallery import typeset_page
 from planish.gallery.prose import STORY
-from planish.render.sense import skew_degrees, upright_turn
 from planish.types import Page
 
 

@@ -6,13 +6,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
 
+from planish.color import code_values, linear_light
 from planish.errors import UsageError
-from planish.mesh import code_values, linear_light
+from planish.illumination import unshade
+from planish.illumination.lamp_model import Light, fit, robust, robust_slope
+from planish.illumination.shadow_visibility import lit
+from planish.illumination.surface_at_pixels import Surface, coarse_mesh
 from planish.settings import ShadingSettings
-from planish.shading import unshade
-from planish.shading.light import Light, fit, robust, robust_slope
-from planish.shading.shadow import lit
-from planish.shading.surface import Surface, coarse_mesh
 from planish.types import Mesh, Page, Scan
 from shapes import grid
 

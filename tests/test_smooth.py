@@ -18,9 +18,11 @@ from planish.flattening import flatten
 from planish.gallery import sheet, sheet_mesh
 from planish.gallery.meshes import SCANNER_MM
 from planish.gallery.sheets import normals
+from planish.geometry.distances import distances
 from planish.io import read_scan
 from planish.mesh import clean, topology
-from planish.sticks import Smoothing, distances, make_sticks, smooth_lengths, smooth_normals
+from planish.sticks import make_sticks
+from planish.surface import Smoothing, smooth_lengths, smooth_normals
 from planish.types import Mesh
 from shapes import arch, grid, rigid_rms
 

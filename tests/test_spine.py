@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import planish
+from planish.document.page_split import find_spine, spine_of, split
 from planish.gallery import sheet, sheet_mesh, typeset_page, virtual_scan
-from planish.render.spine import find_spine, spine_of, split
 from planish.settings import RenderSettings, RestoreSettings
 from planish.types import Mesh, Page, Spine
 

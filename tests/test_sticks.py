@@ -3,10 +3,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planish.crew import crew
+from planish.geometry.distances import distances
 from planish.mesh import topology
-from planish.sticks import bending_pairs, distances, make_sticks, unfolded_distance
-from planish.sticks.turned import turned_over
+from planish.parallel import crew
+from planish.sticks import bending_pairs, make_sticks, unfolded_distance
+from planish.surface.flipped_faces import turned_over
 from planish.types import Mesh
 from shapes import arch, grid
 

@@ -1,13 +1,13 @@
 import numpy as np
 import pytest
 
-from planish.crew import crew
+from planish.flattening.cluster_alignment import gather, join
 from planish.flattening.clusters import RADIUS, lay_out_clusters
-from planish.flattening.joints import gather, join
-from planish.flattening.unfold import lay_out
+from planish.flattening.initial_layout import lay_out
 from planish.gallery import SHEETS, sheet, sheet_mesh
+from planish.geometry.distances import distances
 from planish.mesh import topology
-from planish.sticks.strain import distances
+from planish.parallel import crew
 from shapes import grid, rigid_rms
 
 UP = [1, -1]  # the gallery's pages have y down

@@ -8,7 +8,7 @@ import pytest
 from planish.cli.main import run
 from planish.gallery import sheet, virtual_scan
 from planish.io import write_scan
-from planish.job.again import find_again
+from planish.job.from_report import find_again
 from planish.settings import BinarizeSettings, FlattenSettings, RestoreSettings, VerletSettings
 from test_view import Document
 

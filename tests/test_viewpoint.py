@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from planish.gallery import sheet, virtual_scan
+from planish.geometry.projection import project
+from planish.geometry.viewpoint import viewpoint
 from planish.mesh import topology
-from planish.mesh.projection import project
 from planish.pipeline import restore
-from planish.render.viewpoint import viewpoint
 from planish.types import Mesh, Scan
 from shapes import rigid_rms
 

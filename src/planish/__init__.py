@@ -18,6 +18,7 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from planish import gallery, photo
+    from planish.document import split
     from planish.errors import InputError, OutputError, PlanishError, UsageError
     from planish.io import (
         read_camera,
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
         write_scan,
     )
     from planish.pipeline import flatten, restore
-    from planish.render import split
     from planish.settings import FlattenSettings, RenderSettings, RestoreSettings
     from planish.types import Camera, Flattening, Mesh, Outcome, Page, Report, Restoration, Scan
 
@@ -46,7 +46,7 @@ _WHERE = {
         "planish.io",
     ),
     **dict.fromkeys(("flatten", "restore"), "planish.pipeline"),
-    "split": "planish.render",
+    "split": "planish.document",
     **dict.fromkeys(("FlattenSettings", "RenderSettings", "RestoreSettings"), "planish.settings"),
     **dict.fromkeys(
         ("Camera", "Flattening", "Mesh", "Outcome", "Page", "Report", "Restoration", "Scan"), "planish.types"

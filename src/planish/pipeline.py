@@ -10,25 +10,16 @@ from time import perf_counter
 import numpy as np
 
 from planish.binarize import binarize
+from planish.document import SURE, find_spine, skew_degrees, spine_of, upright_turn
 from planish.flattening import direction_of_growth, to_page_frame, turned
 from planish.flattening import flatten as lay_flat
+from planish.geometry.viewpoint import viewpoint
+from planish.illumination import ShadingFit, unshade
 from planish.mesh import Cleaned, clean, to_file_order
-from planish.render import (
-    SURE,
-    Rendered,
-    draw,
-    find_spine,
-    missing_parts,
-    preview,
-    skew_degrees,
-    spine_of,
-    upright_turn,
-)
-from planish.render.viewpoint import viewpoint
+from planish.render import Rendered, draw, missing_parts, preview
 from planish.report import account, guideline
 from planish.settings import FlattenSettings, Pages, RestoreSettings, Rotation
-from planish.shading import ShadingFit, unshade
-from planish.sticks import smooth_normals
+from planish.surface import smooth_normals
 from planish.types import (
     Flattening,
     Floats,

@@ -8,7 +8,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from planish.cli.options import Output, Quiet, Verbose
-from planish.cli.walk import Flags, Walk
+from planish.cli.restore_options import Flags, Walk
 from planish.settings import BatchFiles
 
 Switch = Parameter(negative="")
@@ -56,7 +56,7 @@ def batch(
     """
     from planish.batch import Cluster, Local, Order, find_items, read_list
     from planish.batch import batch as restore_all
-    from planish.cli.shelf_talk import following, say_counts
+    from planish.cli.batch_console import following, say_counts
     from planish.errors import InputError, UsageError
 
     if jobs is not None and dask is not None:

@@ -34,8 +34,8 @@ def demo(
     quiet
         Print nothing but errors.
     """
+    from planish.cli.console import progress
     from planish.cli.restore import restore
-    from planish.cli.talk import progress
     from planish.gallery import sheet as known_sheet
     from planish.gallery import virtual_scan
     from planish.io import make_folder, write_page, write_scan

@@ -53,7 +53,7 @@ def flatten(
     from dataclasses import replace
     from time import perf_counter
 
-    from planish.cli.talk import progress, show
+    from planish.cli.console import progress, show
     from planish.io import all_or_nothing, check_flat_name, check_writable, read_scan, write_flat, write_json
     from planish.job import with_files
     from planish.pipeline import restore

@@ -59,7 +59,7 @@ def photo(
     from dataclasses import replace
     from time import perf_counter
 
-    from planish.cli.talk import progress, show
+    from planish.cli.console import progress, show
     from planish.errors import UsageError
     from planish.io import (
         all_or_nothing,

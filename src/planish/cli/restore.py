@@ -8,7 +8,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from planish.cli.options import Output, Quiet, Verbose
-from planish.cli.walk import Flags, Walk
+from planish.cli.restore_options import Flags, Walk
 from planish.settings import Units
 
 Several = Parameter(negative="")
@@ -72,7 +72,7 @@ def restore(
     verbose
         Print the table even when the output is piped.
     """
-    from planish.cli.talk import progress, show
+    from planish.cli.console import progress, show
     from planish.job import Job, Outputs, run
 
     job = Job(

@@ -53,8 +53,8 @@ def view(
     """
     from dataclasses import replace
 
-    from planish.cli.talk import progress, show
-    from planish.job.again import find_again
+    from planish.cli.console import progress, show
+    from planish.job.from_report import find_again
     from planish.job.look import look
 
     if result.suffix.lower() in (".html", ".htm") and result.is_file():

@@ -10,10 +10,10 @@ import numpy as np
 
 from planish.flattening.expected import chords_shortfall, expected_error
 from planish.flattening.frame import direction_of_growth, place_on_page, to_page_frame, turned
-from planish.flattening.lattice import Lattice, lattice_springs, lay_lattice
 from planish.flattening.mass_spring import drop
-from planish.flattening.multigrid import relax
 from planish.flattening.overlaps import overlaps
+from planish.flattening.quad_mesh import Lattice, lattice_springs, lay_lattice
+from planish.flattening.stick_solver import relax
 from planish.flattening.verlet import settle
 from planish.mesh import Topology, bounds, carry, local_order, renumbered, stand_on_table, subsample, topology
 from planish.settings import FlattenSettings
@@ -56,7 +56,7 @@ def flatten(
     Parameters
     ----------
     mesh : Mesh
-        Clean (see `planish.mesh.clean`).
+        Clean (see `planish.mesh.repair`).
     topo : Topology
         Of the same mesh.
     settings : FlattenSettings, optional

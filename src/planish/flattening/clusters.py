@@ -12,9 +12,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from planish.crew import Crew
 from planish.mesh import Topology
 from planish.mesh.adjacency import faces_around
+from planish.parallel import Crew
 from planish.types import Floats, Ints
 
 RADIUS = 26

@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from planish.crew import Crew
+from planish.parallel import Crew
 from planish.types import Floats, Ints, Sticks
 
 SLABS = 16

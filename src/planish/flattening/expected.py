@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from planish.geometry.distances import distances
 from planish.mesh import Topology, area_vectors, bounds, point_normals
-from planish.sticks import distances
 from planish.types import Floats, Mesh, Sticks
 
 STRAIN_WEIGHT = 1.6

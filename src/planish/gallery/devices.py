@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.spatial.transform import Rotation
 
-from planish.crew import crew
 from planish.gallery.light import Light
 from planish.gallery.photograph import photograph
 from planish.gallery.sheets import Sheet
 from planish.gallery.sight import fine_mesh
 from planish.gallery.typeset import typeset_sheet
 from planish.gallery.view import View, binned, device, lit, reflectance, view, zoomed
-from planish.mesh import depths, project
+from planish.geometry import depths, project
+from planish.parallel import crew
 from planish.types import Camera, Floats, Page, Pixels
 
 LENS = (-0.12, 0.10, 0.0006, -0.0004)

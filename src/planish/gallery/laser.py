@@ -13,14 +13,14 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from planish.crew import crew
+from planish.color import code_values
 from planish.gallery.light import Light, irradiance, visibility
 from planish.gallery.photograph import photograph
 from planish.gallery.scanner import overhead_camera
 from planish.gallery.sheets import Sheet, normals
 from planish.gallery.sight import FineMesh, covered, fine_mesh, interpolated, pixels_of, put_right
 from planish.gallery.typeset import typeset_sheet
-from planish.mesh import code_values
+from planish.parallel import crew
 from planish.types import Camera, Floats, Page
 
 MIRROR_MM = (-380.0, 0.0, 420.0)

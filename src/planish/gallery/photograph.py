@@ -6,11 +6,11 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from planish.crew import crew
 from planish.gallery.light import Light, irradiance, visibility
 from planish.gallery.sheets import Sheet, normals
 from planish.gallery.sight import FineMesh, facing, interpolated, page_per_pixel, pixels_of, project, put_right
 from planish.mesh import rasterise
+from planish.parallel import crew
 from planish.types import Bools, Camera, Floats, Ints, Page
 
 PAPER = np.array([1.0, 0.985, 0.94])

@@ -8,10 +8,11 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from planish.crew import crew
 from planish.gallery.sheets import Sheet
-from planish.mesh import depths, rasterise
-from planish.mesh import project as at_pixels
+from planish.geometry import depths
+from planish.geometry import project as at_pixels
+from planish.mesh import rasterise
+from planish.parallel import crew
 from planish.types import Bools, Camera, Floats, Ints
 
 NEWTON_STEPS = 4

@@ -11,7 +11,8 @@ from scipy import ndimage
 from planish.gallery.photograph import INK, PAPER, TABLE
 from planish.gallery.sheets import Sheet, normals
 from planish.gallery.sight import FineMesh, facing, fine_mesh, interpolated, pixels_of, project, put_right
-from planish.mesh import depths, rasterise
+from planish.geometry import depths
+from planish.mesh import rasterise
 from planish.types import Bools, Camera, Floats, Ints, Page
 
 TABLE_MM = 800.0

@@ -8,7 +8,7 @@ from typing import Any, BinaryIO
 
 from PIL import Image
 
-from planish.io.silence import silence
+from planish.io.suppress_stderr import silence
 
 _EXIF = 0x8769
 _FOCAL_LENGTH, _FOCAL_LENGTH_35_MM = 0x920A, 0xA405

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planish.errors import InputError
-from planish.io.silence import silence
+from planish.io.suppress_stderr import silence
 
 EXR = b"\x76\x2f\x31\x01"
 """Every EXR begins with it."""

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from planish.errors import InputError, OutputError
-from planish.io.parts import Part
+from planish.io.atomic import Part
 from planish.memory import check_memory
 
 _REASONS = {

@@ -15,7 +15,7 @@ from PIL import Image, ImageCms
 
 from planish.errors import InputError
 from planish.io.files import read_bytes
-from planish.io.silence import silence
+from planish.io.suppress_stderr import silence
 from planish.memory import check_memory
 from planish.types import Pixels
 

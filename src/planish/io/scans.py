@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planish.errors import InputError
+from planish.geometry import depths
 from planish.io.cameras import read_camera
 from planish.io.filemesh import FileMesh
 from planish.io.images import Photo, decode_photo, read_photo
@@ -16,7 +17,6 @@ from planish.io.meshes import read_mesh
 from planish.io.polygons import Polygons, triangulate, uv_of_points
 from planish.io.units import MM_PER_UNIT, Unit, decide_unit
 from planish.io.views import Files, listed, matched
-from planish.mesh import depths
 from planish.types import Camera, Floats, Mesh, Scan, View
 
 _OUTSIDE = 1e-4

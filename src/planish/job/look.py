@@ -7,7 +7,7 @@ from pathlib import Path
 from time import perf_counter
 
 from planish.io import check_writable, fingerprints, read_scan, way_up, write_bytes
-from planish.job.again import Again
+from planish.job.from_report import Again
 from planish.job.runner import Done, check_html_name, with_files
 from planish.pipeline import Progress, restore
 from planish.view import view_page

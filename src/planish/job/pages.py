@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from planish.document import split
 from planish.errors import OutputError, UsageError
 from planish.io import (
     Origin,
@@ -16,7 +17,7 @@ from planish.io import (
     write_pages,
 )
 from planish.job.job import Outputs
-from planish.render import mask_of, split
+from planish.render import mask_of
 from planish.types import Page, Restoration
 
 

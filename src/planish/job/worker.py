@@ -1,7 +1,7 @@
 """Work in a process of its own that can be killed, with limits on its time and memory.
 
-Each process is forked from a server of forks that has planish imported and its kernels loaded (`planish.job.warm`), so
-that a start takes hundredths of a second instead of seconds. That server runs one thread of Python; whatever the
+Each process is forked from a server of forks that has planish imported and its kernels loaded (`planish.job.preload`),
+so that a start takes hundredths of a second instead of seconds. That server runs one thread of Python; whatever the
 forked process does, and however it ends, touches neither it nor the caller.
 """
 
@@ -142,7 +142,7 @@ def _nothing(tell: Progress) -> None:
 
 def _start(process: BaseProcess) -> None:
     with _STARTING:
-        _CONTEXT.set_forkserver_preload(["__main__", "planish.job.warm"])
+        _CONTEXT.set_forkserver_preload(["__main__", "planish.job.preload"])
         os.environ["PLANISH_WARM"] = "1"
         try:
             process.start()  # starts the server of forks as well, if it does not run

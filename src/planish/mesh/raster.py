@@ -1,7 +1,7 @@
 """Which triangle covers each pixel, and where in the triangle it lies.
 
 Behind photos, maps over the page and pictures of meshes. Drawing a page needs the triangle alone, for which
-`planish.render.cover` is several times as fast.
+`planish.render.rasterize_ids` is several times as fast.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from planish.crew import crew
+from planish.parallel import crew
 from planish.types import Floats, Ints
 
 EDGE = 1e-7

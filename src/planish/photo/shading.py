@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from planish.color import LUMINANCE, linear_light
 from planish.errors import InputError
-from planish.mesh import LUMINANCE, linear_light
 from planish.photo.bent import Bent
 from planish.photo.borders import Borders
 from planish.photo.cylinder import STEEPEST, Cylinder, in_space, seen_at

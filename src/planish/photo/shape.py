@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from planish.errors import InputError, UsageError
-from planish.photo.account import account_of
 from planish.photo.bent import Bent, from_borders, from_lines
 from planish.photo.borders import Borders, borders_in
 from planish.photo.creases import crease_length
 from planish.photo.lines import TextLines, text_lines
 from planish.photo.look import look_at
 from planish.photo.polynomial import from_polynomials
+from planish.photo.report import account_of
 from planish.photo.rows import believable
 from planish.photo.shading import from_shading
 from planish.photo.surface import as_scan

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from planish.mesh import LUMINANCE
-from planish.render.sight import Sight
+from planish.color import LUMINANCE
+from planish.render.photo_view import Sight
 from planish.types import Bools, Floats
 
 Light = NDArray[np.float32]

@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from planish.color import linear_light
 from planish.errors import InputError
 from planish.memory import check_memory
-from planish.mesh import linear_light
 from planish.render.blend import Blend, blend, detail
 from planish.render.paint import paint
+from planish.render.photo_view import Sight, shrunk, sights
 from planish.render.resolution import Resolution, cells, nearest_usual_dpi, of_the_best
-from planish.render.sight import Sight, shrunk, sights
 from planish.settings import RenderSettings
 from planish.types import Bools, Floats, Page, Pixels, Scan
 

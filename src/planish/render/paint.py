@@ -8,12 +8,12 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from planish.crew import crew
-from planish.mesh import code_values
+from planish.color import code_values
+from planish.parallel import crew
 from planish.render.blend import Blend
-from planish.render.cover import cover
+from planish.render.photo_view import Sight
+from planish.render.rasterize_ids import cover
 from planish.render.sample import maps_of_faces, sample
-from planish.render.sight import Sight
 from planish.types import Bools, Ints, Pixels
 
 BAND_PIXELS = 4_000_000

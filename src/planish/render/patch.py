@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from planish.crew import crew
+from planish.parallel import crew
 from planish.types import Floats, Ints
 
 BLOCK = 1024

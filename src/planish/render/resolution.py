@@ -10,8 +10,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from planish.errors import InputError
-from planish.render.chart import Chart
-from planish.render.cover import cover
+from planish.render.rasterize_ids import cover
+from planish.render.uv_map import Chart
 from planish.render.visibility import least_singular
 from planish.types import Ints
 

@@ -15,8 +15,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from planish.crew import crew
-from planish.mesh import linear_light
+from planish.color import linear_light
+from planish.parallel import crew
 from planish.render.filters import LOBES, NARROW, TAPS, lanczos, narrow, narrow_filters, skewed, upright
 from planish.types import Bools, Floats, Ints, Pixels
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from planish.crew import crew
-from planish.mesh import depths
-from planish.render.camera import resect
-from planish.render.chart import Chart
-from planish.render.cover import cover
+from planish.geometry import depths
+from planish.geometry.resection import resect
+from planish.parallel import crew
+from planish.render.rasterize_ids import cover
+from planish.render.uv_map import Chart
 from planish.types import Bools, Camera, Floats
 
 BUFFER_MM = 0.5

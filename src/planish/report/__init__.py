@@ -1,6 +1,6 @@
 """An honest account of a restoration: what was measured, and how it reads."""
 
-from planish.report.account import account
+from planish.report.build import account
 from planish.report.certificate import certificate
 from planish.report.contact import contact_sheet
 from planish.report.fadgi import guideline

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from planish.mesh import LUMINANCE
+from planish.color import LUMINANCE
 from planish.report.drawing import FAINT, GREEN, INK, RED, SOFT, Sheet, length, wrapped
 from planish.report.heat import TOP, coloured, over_page, round_above, round_span
 from planish.types import Criterion, Floats, Restoration, Scan

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from planish.crew import crew
+from planish.geometry.distances import distances
 from planish.mesh import Topology
+from planish.parallel import crew
 from planish.settings import Lengths
-from planish.sticks.smooth import smooth_lengths
-from planish.sticks.strain import distances
+from planish.surface.smooth_lengths import smooth_lengths
 from planish.types import Bools, Floats, Ints, Mesh, Sticks
 
 

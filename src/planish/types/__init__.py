@@ -18,7 +18,7 @@ from planish.types.report import (
     Spine,
 )
 from planish.types.sheet import Camera, Flattening, Mesh, Outcome, Scan, Sticks, View
-from planish.types.table import summary
+from planish.types.summary import summary
 
 __all__ = [
     "Bools",

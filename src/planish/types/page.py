@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
+from planish.display.html import as_image, html_picture, html_table, small_jpeg, small_png
 from planish.errors import MissingExtraError
 from planish.types.arrays import Bools, Pixels, freeze
 from planish.types.report import Report
 from planish.types.sheet import Flattening
-from planish.types.show import as_image, html_picture, html_table, small_jpeg, small_png
-from planish.types.table import summary
+from planish.types.summary import summary
 
 if TYPE_CHECKING:
     from PIL.Image import Image

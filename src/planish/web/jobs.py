@@ -12,7 +12,7 @@ from typing import Literal
 
 from pydantic import BaseModel, Field
 
-from planish.web.foreman import Foreman
+from planish.web.scheduler import Foreman
 from planish.web.store import Row, State
 
 MEDIA_TYPES = {

@@ -13,10 +13,10 @@ from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
 
 from planish.settings import ServeSettings
-from planish.web.foreman import Foreman
 from planish.web.intake import take_in
 from planish.web.jobs import JobState, Watchers, describe
 from planish.web.problems import Refusal
+from planish.web.scheduler import Foreman
 from planish.web.store import Row, Store, new_id
 
 _SHORTEST_WAIT, _LONGEST_WAIT = 0.1, 5.0

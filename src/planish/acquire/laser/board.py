@@ -11,8 +11,8 @@ from planish.acquire.calibration.boards import Board, corner_places, find_corner
 from planish.acquire.laser.lines import brightest_colour, without_laser
 from planish.acquire.laser.stripes import Direction, find_stripes, print_of
 from planish.acquire.laser.sweep import crossings_xy, plane_of
-from planish.acquire.triangulate import meet_plane, rays
 from planish.errors import InputError
+from planish.geometry.triangulation import meet_plane, rays
 from planish.types import Camera, Floats, Pixels
 
 FEWEST_ON_BOARD = 20

@@ -16,10 +16,11 @@ from scipy.optimize import least_squares
 from planish.acquire.grid_mesh import Acquired, grid_mesh
 from planish.acquire.laser.stripes import find_stripes, laser_channel, print_of
 from planish.acquire.laser.sweep import coarser, crossings_xy
-from planish.acquire.paper import sheet_mask
-from planish.acquire.triangulate import meet_plane, rays
+from planish.color import linear_light
+from planish.document.sheet_outline import sheet_mask
 from planish.errors import InputError
-from planish.mesh import linear_light, project
+from planish.geometry import project
+from planish.geometry.triangulation import meet_plane, rays
 from planish.types import Bools, Camera, Floats, Pixels, Scan
 
 POINTS = 300_000

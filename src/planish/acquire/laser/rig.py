@@ -11,8 +11,8 @@ from scipy.spatial import cKDTree
 
 from planish.acquire.laser.lines import axes_of, on_cylinder, points_of, profile_gap, profiled, two_lines
 from planish.acquire.laser.squares import Squares, find_squares
-from planish.acquire.triangulate import rays
 from planish.errors import InputError
+from planish.geometry.triangulation import rays
 from planish.types import Camera, Floats, Pixels
 
 CENTRED = 0.02

@@ -13,8 +13,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from planish.crew import crew
-from planish.mesh import linear_light
+from planish.color import linear_light
+from planish.parallel import crew
 from planish.types import Floats, Pixels
 
 Direction = Literal["rows", "columns"]

@@ -13,11 +13,11 @@ from planish.acquire.grid_mesh import Acquired, grid_mesh
 from planish.acquire.laser.stripes import Direction, find_stripes, laser_channel, print_of
 from planish.acquire.laser.sweep_grid import cell_of, gridded
 from planish.acquire.laser.sweep_order import check_order
-from planish.acquire.paper import sheet_mask
 from planish.acquire.range_image.depth import back_projected, on_mask
-from planish.acquire.triangulate import meet_plane, rays
+from planish.document.sheet_outline import sheet_mask
 from planish.errors import InputError
-from planish.mesh import depths, project
+from planish.geometry import depths, project
+from planish.geometry.triangulation import meet_plane, rays
 from planish.types import Bools, Camera, Floats, Pixels, Scan
 
 ENOUGH = 500

@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from planish.acquire.grid_mesh import STEEPEST
-from planish.crew import crew
+from planish.parallel import crew
 from planish.types import Camera, Floats
 
 if TYPE_CHECKING:

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from planish.acquire.triangulate import meet_plane, rays
 from planish.errors import InputError
-from planish.mesh import project
+from planish.geometry import project
+from planish.geometry.triangulation import meet_plane, rays
 from planish.types import Camera, Floats
 
 if TYPE_CHECKING:

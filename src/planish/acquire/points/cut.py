@@ -8,7 +8,8 @@ from scipy import ndimage, sparse
 
 from planish.acquire.range_image.depth import on_white
 from planish.errors import InputError
-from planish.mesh import depths, project, rasterise, without_crumbs
+from planish.geometry import depths, project
+from planish.mesh import rasterise, without_crumbs
 from planish.types import Bools, Camera, Floats, Mesh
 
 MOSTLY = 0.5

@@ -6,7 +6,8 @@ import numpy as np
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
-from planish.mesh import depths, point_normals, project, rasterise
+from planish.geometry import depths, project
+from planish.mesh import point_normals, rasterise
 from planish.types import Camera, Floats, Mesh, Pixels
 
 FAR = 3.0

@@ -6,15 +6,15 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from planish.acquire.grid_mesh import Acquired
-from planish.acquire.paper import sheet_mask
 from planish.acquire.points.cut import cut_out
 from planish.acquire.points.normals import oriented, patches
 from planish.acquire.points.photo import PIXEL, camera_above, photo_of_points
 from planish.acquire.points.surface import CELL, mesher, surface
 from planish.acquire.range_image.depth import check_photo_size
 from planish.acquire.range_image.grid import plausible_origin
+from planish.document.sheet_outline import sheet_mask
 from planish.errors import InputError
-from planish.mesh import project
+from planish.geometry import project
 from planish.types import Bools, Camera, Floats, Pixels, Scan
 
 FEWEST = 500

@@ -10,11 +10,11 @@ from numba import njit
 from numpy.typing import NDArray
 
 from planish.acquire.grid_mesh import STEEPEST, Acquired, grid_mesh
-from planish.acquire.paper import sheet_mask
-from planish.acquire.triangulate import rays
-from planish.crew import crew
+from planish.document.sheet_outline import sheet_mask
 from planish.errors import InputError
-from planish.mesh import project
+from planish.geometry import project
+from planish.geometry.triangulation import rays
+from planish.parallel import crew
 from planish.types import Bools, Camera, Floats, Pixels, Scan
 
 OUTLIER = 3.5

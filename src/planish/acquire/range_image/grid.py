@@ -6,10 +6,10 @@ import numpy as np
 from scipy import ndimage
 
 from planish.acquire.grid_mesh import NOISE_STEPS, STEEPEST, Acquired, joined
-from planish.acquire.paper import sheet_mask
 from planish.acquire.range_image.depth import check_photo_size, flying_pixels, on_white, pixel_noise
+from planish.document.sheet_outline import sheet_mask
 from planish.errors import InputError
-from planish.mesh import project
+from planish.geometry import project
 from planish.types import Bools, Camera, Floats, Pixels, Scan
 
 CLOSEST = 0.3

@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from planish.crew import crew
+from planish.parallel import crew
 from planish.types import Bools, Floats, Ints, freeze
 
 Grey = NDArray[np.uint8] | NDArray[np.uint16]

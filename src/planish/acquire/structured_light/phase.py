@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from planish.acquire.structured_light import gray_code
 from planish.acquire.structured_light.gray_code import LIT, Codes, Grey, bright_end, decode, frame_count
-from planish.crew import crew
 from planish.errors import InputError, UsageError
+from planish.parallel import crew
 from planish.types import Floats
 
 PERIOD = 16

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from planish.acquire.triangulate import rays
 from planish.errors import InputError
+from planish.geometry.triangulation import rays
 from planish.types import Camera, Floats
 
 SAMPLE = 1000

@@ -7,13 +7,13 @@ from typing import NamedTuple
 import numpy as np
 
 from planish.acquire.grid_mesh import Acquired, grid_mesh
-from planish.acquire.paper import sheet_mask
 from planish.acquire.structured_light.frames import check_frames
 from planish.acquire.structured_light.gray_code import Grey, decode, frame_count
 from planish.acquire.structured_light.phase import phased, steps_among
 from planish.acquire.structured_light.phase_frames import check_count, check_waves
 from planish.acquire.structured_light.projector import TRUE_PX, check_fit, coarser, points_and_misses
 from planish.acquire.structured_light.sub_code import refined
+from planish.document.sheet_outline import sheet_mask
 from planish.errors import InputError, UsageError
 from planish.types import Bools, Camera, Floats, Pixels, Scan
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from planish.acquire.structured_light.gray_code import Codes, Grey, bits_for
 from planish.acquire.structured_light.phase import Phased
-from planish.crew import crew
+from planish.parallel import crew
 from planish.types import Bools, Floats, Ints
 
 REACH = 4

@@ -42,7 +42,7 @@ def depth(
         everywhere.
     """
     from planish.acquire.range_image.depth import from_depth
-    from planish.cli.talk import progress
+    from planish.cli.console import progress
     from planish.io import read_camera, read_depths, read_photo
 
     check_scan_files(files)

@@ -42,7 +42,7 @@ def gray_code(
         everywhere.
     """
     from planish.acquire.structured_light.scan import check_size, from_gray_code
-    from planish.cli.talk import progress
+    from planish.cli.console import progress
     from planish.io import read_camera, read_captures, read_photo
 
     check_scan_files(files)

@@ -59,7 +59,7 @@ def grid(
 
     from planish.acquire.range_image.grid import from_grid, grid_photo
     from planish.acquire.range_image.shape import grid_shape
-    from planish.cli.talk import progress
+    from planish.cli.console import progress
     from planish.io import read_cloud
 
     check_scan_files(files)

@@ -42,7 +42,7 @@ def laser(
         everywhere.
     """
     from planish.acquire.laser.sweep import from_laser, planes_from_background, sweep_stripes
-    from planish.cli.talk import progress
+    from planish.cli.console import progress
     from planish.io import read_camera, read_photo
     from planish.io.captures import image_files
     from planish.io.lasers import read_sweep

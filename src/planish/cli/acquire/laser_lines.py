@@ -38,7 +38,7 @@ def laser_lines(
         everywhere, with what lies around the book.
     """
     from planish.acquire.laser.lines import from_laser_lines
-    from planish.cli.talk import progress
+    from planish.cli.console import progress
     from planish.io import read_camera, read_photo
     from planish.io.lasers import check_camera, read_rig
 

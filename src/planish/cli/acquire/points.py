@@ -53,7 +53,7 @@ def points(
     import numpy as np
 
     from planish.acquire.points.scan import from_points
-    from planish.cli.talk import progress
+    from planish.cli.console import progress
     from planish.errors import UsageError
     from planish.io import read_cloud
 

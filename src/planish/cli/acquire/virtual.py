@@ -52,8 +52,8 @@ def virtual(
     """
     from planish.cli.acquire.virtual_clouds import grid, points
     from planish.cli.acquire.virtual_laser import laser, laser_lines
+    from planish.cli.console import progress
     from planish.cli.demo import SHEETS
-    from planish.cli.talk import progress
     from planish.gallery import sheet as known_sheet
     from planish.io import make_folder, write_page
 

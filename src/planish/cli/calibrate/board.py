@@ -81,7 +81,7 @@ def camera(
     """
     from planish.acquire.calibration.boards import Board
     from planish.acquire.calibration.camera import calibrate_camera
-    from planish.cli.talk import progress
+    from planish.cli.console import progress
     from planish.io import read_captures
 
     check_files(output, picture, overwrite=overwrite)
@@ -136,7 +136,7 @@ def projector(
     """
     from planish.acquire.calibration.boards import Board
     from planish.acquire.calibration.camera import calibrate_projector
-    from planish.cli.talk import progress
+    from planish.cli.console import progress
     from planish.io import read_camera, read_captures
 
     check_files(output, picture, overwrite=overwrite)

@@ -1,0 +1,73 @@
+"""A flat layout from nothing but the lengths of a mesh's edges.
+
+Laying triangles down one after the other drifts, and a projection folds over what stands steep. So the sheet is cut
+into clusters that are too small to drift, each is laid out by itself, and all are turned and shifted until they fit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from planish.flattening.cluster_alignment import gather, join
+from planish.flattening.clusters import lay_out_clusters
+from planish.mesh import Topology
+from planish.parallel import Crew
+from planish.types import Bools, Floats, Ints
+
+
+def lay_out(faces: Ints, topology: Topology, edge_rest: Floats, point_count: int, run: Crew) -> tuple[Floats, Ints]:
+    """Lay a mesh flat, nearly: exactly where its lengths are those of a flat sheet.
+
+    Parameters
+    ----------
+    faces : (m, 3) int32
+    topology : Topology
+        Of the faces.
+    edge_rest : (e,) float64 [mm]
+        Length of each edge.
+    point_count : int
+    run : Crew
+
+    Returns
+    -------
+    xy : (n, 2) float64 [mm]
+        Faces run counter-clockwise. Each piece lies anywhere, in any turn.
+    piece : (n,) int32
+        Points that hang together have the same number.
+
+    Examples
+    --------
+    Four triangles around a point, each with a right angle there: a square.
+
+    >>> import numpy as np
+    >>> from planish.parallel import crew
+    >>> from planish.mesh import topology
+    >>> faces = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 1]], np.int32)
+    >>> found = topology(faces, 5)
+    >>> rest = np.where(found.edges[:, 0] == 0, 1.0, np.sqrt(2))
+    >>> with crew() as run:
+    ...     xy, piece = lay_out(faces, found, rest, 5, run)
+    >>> np.linalg.norm(xy[1] - xy[3]).round(12), piece.tolist()
+    (np.float64(2.0), [0, 0, 0, 0, 0])
+    """
+    clusters = lay_out_clusters(faces, topology, edge_rest, point_count, run)
+    rho, tau, piece = join(clusters)
+    return gather(clusters, rho, tau), piece[clusters.cluster[clusters.start[:-1]]]
+
+
+def as_they_lie(faces: Ints, topology: Topology, turned: Bools | None) -> tuple[Ints, Topology]:
+    """Faces, and their edges, with those that noise turned over running the other way round, as their lengths want it.
+
+    Parameters
+    ----------
+    faces : (m, 3) int32
+    topology : Topology
+    turned : (m,) bool or None
+        See `Sticks`.
+    """
+    if turned is None or not turned.any():
+        return faces, topology
+    faces, face_edges = faces.copy(), topology.face_edges.copy()
+    faces[turned] = faces[turned][:, [0, 2, 1]]
+    face_edges[turned] = face_edges[turned][:, [2, 1, 0]]
+    return faces, replace(topology, face_edges=face_edges)

@@ -1,0 +1,159 @@
+"""All points at once: the energy of the sticks minimised, from a layout that is nearly right."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from planish.flattening.energy import make_net
+from planish.flattening.initial_layout import as_they_lie, lay_out
+from planish.flattening.lbfgs import minimise
+from planish.flattening.lengths import median_edge
+from planish.flattening.multigrid_preconditioner import make_preconditioner
+from planish.flattening.overlaps import overlaps
+from planish.flattening.pieces import as_seen, bring_together, lay_apart, number_pieces
+from planish.flattening.untangle import untangle
+from planish.mesh import Topology
+from planish.parallel import Crew, crew
+from planish.settings import MultigridSettings
+from planish.types import Floats, Ints, Mesh, Outcome, Sticks
+
+CRUSHED = 0.05
+"""Rms relative error of the sticks from which on a sheet is not what was scanned any more."""
+
+MANY, FEW = 100_000, 1_000
+"""With more points than this the tolerance is what the settings say, with fewer it falls in proportion: steps cost
+next to nothing then, and a coarse mesh shows its strain more. With fewer still it stays a hundredth."""
+
+APART = 0.03
+"""Room between pieces that lie apart, in the side of the sheet."""
+
+
+class Relaxed(NamedTuple):
+    """A sheet laid flat.
+
+    Attributes
+    ----------
+    xy : (n, 2) float64 [mm]
+        x right, y up, printed side up: faces run counter-clockwise.
+    outcome : Outcome
+    iterations : int
+    residuals : (iterations + 1,) float64
+        Root mean square relative error of the sticks, at the start and after each step.
+    warnings : tuple of str
+        Sentences for the user.
+    at_rest : (n, 2) float64 [mm]
+        As `xy`, but as the sticks left it, before faces that noise turned over were laid with their printed side up.
+    """
+
+    xy: Floats
+    outcome: Outcome
+    iterations: int
+    residuals: Floats
+    warnings: tuple[str, ...]
+    at_rest: Floats
+
+
+def relax(
+    mesh: Mesh,
+    topology: Topology,
+    sticks: Sticks,
+    settings: MultigridSettings | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Relaxed:
+    """Lay a sheet flat, so that its sticks come as near to their lengths as all of them together can.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Clean (see `planish.mesh.repair`).
+    topology : Topology
+        Of the same mesh.
+    sticks : Sticks
+        Of the same mesh; the lengths of its edges make the first layout.
+    settings : MultigridSettings, optional
+    progress : callable, optional
+        Told the share of the work that is done, now and then.
+
+    Examples
+    --------
+    Half a cylinder, 30 x 40 mm:
+
+    >>> from planish.mesh import topology
+    >>> from planish.sticks import make_sticks
+    >>> angle, z = np.meshgrid(np.linspace(0, np.pi, 31), np.linspace(0, 40, 41))
+    >>> points = np.c_[30 / np.pi * np.cos(angle.ravel()), z.ravel(), 30 / np.pi * np.sin(angle.ravel())]
+    >>> i = np.arange(30)[:, None] + 31 * np.arange(40)
+    >>> faces = np.concatenate([np.stack(f, -1).reshape(-1, 3) for f in [(i, i + 32, i + 1), (i, i + 31, i + 32)]])
+    >>> mesh = Mesh(points, faces)
+    >>> found = topology(mesh.faces, len(points))
+    >>> flat = relax(mesh, found, make_sticks(mesh, found, "unfolded"))
+    >>> flat.outcome.name, np.ptp(flat.xy, axis=0).round(2).tolist()
+    ('SETTLED', [29.99, 40.0])
+    """
+    s = settings or MultigridSettings()
+    tell = progress or (lambda share: None)
+    rest = sticks.rest[: sticks.edges]
+    edge = median_edge(rest)
+    side = edge * float(np.sqrt(len(mesh.points)))
+    with crew() as run:
+        faces, found = as_they_lie(mesh.faces, topology, sticks.turned)
+        xy, piece = lay_out(faces, found, rest, len(mesh.points), run)
+        xy, _ = untangle(xy, faces, found, rest)  # sticks can hold a flipped face down for a hundred steps
+        tell(0.3)
+        piece, count = number_pieces(piece)
+        if count > 1:
+            xy = lay_apart(xy, piece, count, APART * side)
+        xy, outcome, residuals = _bring_to_rest(xy, sticks, s, side, run, lambda share: tell(0.3 + 0.65 * share))
+    xy = as_seen(mesh.points, mesh.faces, xy, piece, count)
+    warnings: list[str] = []
+    if count > 1:
+        xy, warnings = _place(mesh, topology, xy, piece, count, edge, side)
+    at_rest = xy
+    xy, flipped = untangle(xy, mesh.faces, topology, rest)  # last, as even a turn can flip a face without area
+    if flipped:
+        warnings.append(_FLIPPED.format(flipped))
+    if outcome is Outcome.SETTLED and residuals[-1] > CRUSHED:
+        outcome = Outcome.CRUSHED
+    tell(1.0)
+    return Relaxed(xy, outcome, len(residuals) - 1, residuals, tuple(warnings), at_rest)
+
+
+_FLIPPED = (
+    "{:,} faces could not be laid on the page with their printed side up; the surface there is no flat sheet bent"
+)
+_JOINED = (
+    "The sheet is in {:,} pieces; {:,} of them were set side by side across gaps about {:.1f} mm wide, by the "
+    "directions of the borders"
+)
+_APART = "{:,} pieces of the sheet lie apart on the page, as nothing shows plainly where they belong"
+
+
+def _bring_to_rest(
+    xy: Floats, sticks: Sticks, settings: MultigridSettings, side: float, run: Crew, progress: Callable[[float], None]
+) -> tuple[Floats, Outcome, Floats]:
+    net = make_net(sticks, run)
+    preconditioner = make_preconditioner(net, sticks.edges, xy, run)
+    still = settings.tolerance * side * np.clip(len(xy), FEW, MANY) / MANY
+    return minimise(net, xy, preconditioner, max_steps=settings.max_steps, still_mm=still, run=run, progress=progress)
+
+
+def _place(
+    mesh: Mesh, topology: Topology, xy: Floats, piece: Ints, count: int, edge: float, side: float
+) -> tuple[Floats, list[str]]:
+    """Pieces beside each other where their gaps are plain, the others apart; and what to tell about it."""
+    apart = lay_apart(xy, piece, count, APART * side)
+    together, group, joints = bring_together(mesh.points, mesh.faces, topology, xy, piece, count, edge)
+    group, groups = number_pieces(group)
+    together = lay_apart(together, group, groups, APART * side)
+    if joints and overlaps(mesh.faces, together, topology) > overlaps(mesh.faces, apart, topology):
+        together, groups, joints = apart, count, []
+    warnings = []
+    if joints:
+        width = float(np.median([joint.width for joint in joints]))
+        warnings.append(_JOINED.format(count, len(joints) + 1, width))
+    if groups > 1:
+        warnings.append(_APART.format(groups - 1))
+    return together, warnings

@@ -1,0 +1,225 @@
+"""Shading removed from a page: the light found and divided out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from planish.color import LUMINANCE
+from planish.errors import UsageError
+from planish.illumination import lamp_model as lighting
+from planish.illumination.cells import Cells, Field, cut
+from planish.illumination.divide import divided
+from planish.illumination.refine_on_paper import followed, nearby_range
+from planish.illumination.shadow_visibility import lit
+from planish.illumination.surface_at_pixels import Surface, coarse_mesh, surface_under
+from planish.settings import ShadingSettings
+from planish.types import Bools, Floats, Page, Scan
+
+ENOUGH_PAPER = 200
+"""Cells of quiet paper, 0.5 mm wide, that the light can be found from."""
+PAPER_SHARE = 0.02
+ALIKE = 0.1
+"""So much of the page must lie within so much [log] of the light found, or it is no page of blank paper and print."""
+CLOSING_MM = 6.0
+"""What is darker than its surroundings and narrower than this is print to the background method."""
+DARKEST = 0.05
+"""Where less light falls than this part of the page's middling light, only so much is made good: the rest is noise."""
+CLIPPED = 0.01
+"""Part of the page that may be clipped in the photo without a word: glints, and grain of paper just below white."""
+SHADOW_STEP_MM = 1.5
+"""The sheet is drawn as coarsely as that where it may shade itself: its edge is as sharp as the shadow's."""
+COLOURED = 0.5
+"""Paper one of whose channels has less than this of the greatest is coloured, and its colour is kept."""
+
+
+@dataclass(frozen=True, eq=False)
+class ShadingFit:
+    """How well the shade was found.
+
+    Attributes
+    ----------
+    method : str
+        "geometry" or "background".
+    paper_share : float
+        Part of the page that the light was found from.
+    unevenness_before, unevenness : float
+        From the 10 % to the 90 % quantile of the paper's grey, in parts of white; after removal, before white is
+        clipped.
+    clipped_share : float
+        Part of the page that is clipped in the photo: how bright it was there is not known.
+    lamp_mm : (float, float, float) or None
+        Place of the lamp in the scan's frame, very far away for daylight.
+    ambient : float or None
+        Share of the light on the middle of the sheet that comes from all around.
+    warnings : tuple of str
+    """
+
+    method: str
+    paper_share: float
+    unevenness_before: float
+    unevenness: float
+    clipped_share: float
+    lamp_mm: tuple[float, float, float] | None = None
+    ambient: float | None = None
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Unshaded:
+    """A page without shade.
+
+    Attributes
+    ----------
+    page : Page
+    clipped : (rows, cols) bool
+        Where the photo has a channel at its greatest value.
+    fit : ShadingFit
+    light : (rows, cols, 3) float32
+        Linear light that blank paper has at the middle of each cell of the page; the page was divided by it.
+    cell_px : int
+        Side of the cells in page pixels; the last ones may reach beyond the page.
+    """
+
+    page: Page
+    clipped: Bools
+    fit: ShadingFit
+    light: Field
+    cell_px: int
+
+
+def unshade(
+    page: Page, scan: Scan, page_xy: Floats, normals: NDArray[np.floating[Any]], settings: ShadingSettings | None = None
+) -> Unshaded:
+    """Make a page evenly lit and its paper white.
+
+    Parameters
+    ----------
+    page : Page
+        As drawn from the scan's photo, grey or colour, 8 or 16 bit.
+    scan : Scan
+    page_xy : (n, 2) float64 [mm]
+        Place on the page of every point of the scan.
+    normals : (n, 3) float
+        Of the surface at every point, away from the printed side.
+    settings : ShadingSettings, optional
+        With a method other than "none".
+
+    Raises
+    ------
+    UsageError
+        Where the method is "none".
+
+    Notes
+    -----
+    Light is divided in each channel, so that a tint of the light or a yellowed paper goes too and inks keep their hue;
+    only the colour of plainly coloured paper is kept.
+    """
+    s = settings or ShadingSettings()
+    if s.shading == "none":
+        raise UsageError('shading is "none", so there is no shade to remove; choose geometry or background')
+    cells = cut(page)
+    found = _by_geometry(cells, scan, page_xy, normals) if s.shading == "geometry" else None
+    warnings: tuple[str, ...] = ()
+    if found is None and s.shading == "geometry":
+        warnings = (
+            "the page shows too little blank paper to find the light from the sheet's shape; its shade was taken from "
+            "the background instead",
+        )
+    field, seam, lamp = found or (_background(cells), np.zeros(cells.known.shape, np.float32), None)
+    if cells.known.any():
+        field = np.maximum(field, np.median(field[cells.known], axis=0) + np.log(DARKEST, dtype=np.float32))
+    gain = np.exp(seam[..., None] - field) * _kept_colour(field, cells)
+    pixels, clipped = divided(page, gain, cells.side_px)
+    clipped_share = float((clipped & page.known).mean())
+    if clipped_share > CLIPPED:
+        warnings += (
+            f"{100 * clipped_share:.0f} % of the page is clipped in the photo: how bright it was there is not known; "
+            "expose less",
+        )
+    fit = _quality(cells, field, lamp, clipped_share, warnings)
+    return Unshaded(Page(pixels, page.known, page.dpi, page.icc), clipped, fit, np.exp(field), cells.side_px)
+
+
+def _by_geometry(
+    cells: Cells, scan: Scan, page_xy: Floats, normals: NDArray[np.floating[Any]]
+) -> tuple[Field, Field, lighting.Light] | None:
+    """Logarithm of the light of paper in each cell, that of the seams, the lamp; None where paper is too little."""
+    surface = surface_under(cells, scan, page_xy, normals)
+    lamp = _lamp(cells, surface)
+    if lamp is None:
+        return None
+    shape = coarse_mesh(surface, max(1, round(SHADOW_STEP_MM / cells.mm)))
+    share = lit(shape, lamp.lamp, surface.points, surface.normals)
+    bare = _filled(lamp.log_brightness(surface.points, surface.normals, surface.off_axis), surface.known)
+    model = _filled(lamp.log_brightness(surface.points, surface.normals, surface.off_axis, share), surface.known)
+    bend, edge = (max(1, round(mm / cells.mm)) for mm in (1.5, 4.0))
+    return *followed(cells, model, nearby_range(bare, bend), nearby_range(model - bare, edge)), lamp
+
+
+def _lamp(cells: Cells, surface: Surface) -> lighting.Light | None:
+    """The light found from the quiet cells, where enough of them agree with it."""
+    bright = cells.brightness
+    quiet = (cells.share > 0.7) & cells.known & surface.known & (cells.clipped < 0.1) & (bright > 0.01)
+    if quiet.sum() < ENOUGH_PAPER:
+        return None
+    some = lighting.chosen(quiet)
+    where = surface.points[some], surface.normals[some], surface.off_axis[some]
+    lamp = lighting.fit(*where, bright[some].astype(np.float64))
+    paper = (np.abs(np.log(bright[some]) - lamp.log_brightness(*where)) < ALIKE).mean() * quiet.sum()
+    return lamp if paper > max(ENOUGH_PAPER, PAPER_SHARE * cells.known.sum()) else None
+
+
+def _background(cells: Cells) -> Field:
+    """The same without a shape: what a closing leaves, so that any grey wider than CLOSING_MM goes for shade."""
+    light = _filled(cells.light, cells.known)
+    side = max(3, round(CLOSING_MM / cells.mm)) | 1
+    closed = cv2.morphologyEx(light, cv2.MORPH_CLOSE, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side)))
+    smooth = cv2.GaussianBlur(closed, (0, 0), 0.25 * side)
+    return np.asarray(np.log(np.maximum(smooth, 1e-4)))
+
+
+def _filled(field: Field, known: Bools) -> Field:
+    """The field with what is not known taken from the nearest cell that is."""
+    if known.all() or not known.any():
+        return field
+    nearest = ndimage.distance_transform_edt(~known, return_distances=False, return_indices=True)
+    return np.asarray(field[tuple(nearest)])
+
+
+def _kept_colour(field: Field, cells: Cells) -> Field:
+    """What white paper becomes: white, unless it is plainly coloured."""
+    paper = np.exp(np.median(field[cells.known], axis=0)) if cells.known.any() else np.ones(3)
+    colour = paper / paper.max()
+    return np.asarray(colour if colour.min() < COLOURED else np.ones(3), np.float32)
+
+
+def _quality(
+    cells: Cells, field: Field, lamp: lighting.Light | None, clipped_share: float, warnings: tuple[str, ...]
+) -> ShadingFit:
+    before = cells.brightness
+    after = np.exp(np.log(np.maximum(cells.light, 1e-4)) - field) @ LUMINANCE
+    paper = cells.known & (cells.share > 0.9) & (cells.clipped < 0.1) & (np.abs(after - 1) < 0.1)
+    return ShadingFit(
+        "background" if lamp is None else "geometry",
+        float(paper.mean()),
+        _range_of_greys(before[paper]),
+        _range_of_greys(after[paper]),
+        clipped_share,
+        None if lamp is None else tuple(float(mm) for mm in lamp.lamp),  # type: ignore[arg-type]
+        None if lamp is None else lamp.ambient,
+        warnings,
+    )
+
+
+def _range_of_greys(light: Field) -> float:
+    """From the 10 % to the 90 % quantile, as code values in parts of white."""
+    if not len(light):
+        return 0.0
+    low, high = np.clip(np.quantile(light, [0.1, 0.9]), 0, None) ** (1 / 2.2)
+    return float(high - low)

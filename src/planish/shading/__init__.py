@@ -1,5 +1,0 @@
-"""Shade taken off the page: the light found from the sheet's shape and divided out."""
-
-from planish.shading.unshade import ShadingFit, Unshaded, unshade
-
-__all__ = ["ShadingFit", "Unshaded", "unshade"]
