@@ -16,7 +16,7 @@ import numpy as np
 from machine import machine
 from planish.binarize import binarize
 from planish.gallery import sheet, typeset_page, virtual_scan
-from planish.illumination import unshade
+from planish.illumination import remove_shading
 from planish.mesh import point_normals
 from planish.render import draw
 from planish.settings import Binarization, BinarizeSettings, RenderSettings
@@ -57,7 +57,7 @@ def main() -> None:
             size = made.sheet.width_mm, made.sheet.height_mm
             shaded = draw(made.scan, made.truth_xy, size, RenderSettings(dpi=300.0)).page
             normals = point_normals(made.scan.mesh.points, made.scan.mesh.faces)
-            even = unshade(shaded, made.scan, made.truth_xy, normals).page
+            even = remove_shading(shaded, made.scan, made.truth_xy, normals).page
             pages.append((contrast, made.page, shaded, even))
         for method in get_args(Binarization):
             if method == "none" or method in SLOW:

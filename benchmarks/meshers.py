@@ -21,7 +21,7 @@ from planish.acquire.points.normals import oriented, patches
 from planish.acquire.points.surface import CELL, surface
 from planish.errors import PlanishError
 from planish.gallery import Sheet, sheet, sheet_mesh
-from planish.mesh import without_crumbs
+from planish.mesh import without_small_components
 from planish.types import Mesh
 from truth import rigid_rms
 
@@ -45,7 +45,7 @@ def meshes(points: np.ndarray, normals: np.ndarray, spacing: float) -> Iterator[
 
 
 def cleaned(vertices: np.ndarray, faces: np.ndarray) -> Mesh:
-    used, faces = without_crumbs(faces.astype(np.int32), len(vertices))
+    used, faces = without_small_components(faces.astype(np.int32), len(vertices))
     return Mesh(vertices[used], faces)
 
 

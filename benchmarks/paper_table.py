@@ -19,7 +19,7 @@ from machine import machine
 from planish.flattening import settle
 from planish.gallery import sheet, virtual_scan
 from planish.io import read_scan
-from planish.mesh import carry, clean, stand_on_table, subsample, topology
+from planish.mesh import clean, onto_support_plane, prolongate, subsample, topology
 from planish.report import flipped_faces
 from planish.settings import VerletSettings
 from planish.sticks import make_sticks
@@ -40,7 +40,7 @@ def cases(folders: list[Path]):
 def rows(name: str, scan: Scan, truth: np.ndarray, lengths: str, all_steps: int):
     cleaned = clean(scan)
     mesh = cleaned.scan.mesh
-    points, _, _ = stand_on_table(mesh)
+    points, _, _ = onto_support_plane(mesh)
     standing = Mesh(points, mesh.faces)
     truth = truth[cleaned.place.argsort(kind="stable")[(cleaned.place < 0).sum() :]]
     for count in (1_000, 4_000, 16_000, len(points)):
@@ -55,7 +55,7 @@ def rows(name: str, scan: Scan, truth: np.ndarray, lengths: str, all_steps: int)
             settled = settle(solved, sticks, settings)
             done = perf_counter()
         x = settled.points[:, :2]
-        flat = carry(coarse, points, x) if coarse else x
+        flat = prolongate(coarse, points, x) if coarse else x
         flips = flipped_faces(mesh.faces, flat * [1, -1])
         yield (
             f"| {name} | {lengths} | {len(x):,} | {len(sticks.rest):,} | {made - start:.3f} | {done - made:.2f} | "

@@ -28,7 +28,7 @@ from planish.color import code_values, linear_light
 from planish.gallery import Light, Sheet, VirtualScan, sheet, typeset_page, virtual_scan
 from planish.gallery.light import irradiance
 from planish.gallery.sheets import normals
-from planish.illumination import Unshaded, unshade
+from planish.illumination import EvenlyLit, remove_shading
 from planish.mesh import repair as clean
 from planish.render import draw
 from planish.settings import ShadingSettings
@@ -139,7 +139,7 @@ def relit(photos: list[np.ndarray], *, vignette: float, tint: tuple[float, float
     return np.clip(np.rint(255 * light ** (1 / GAMMA)), 0, 255).astype(np.uint8)
 
 
-def unevenness(case: Case, made: Unshaded | None, where: np.ndarray) -> float:
+def unevenness(case: Case, made: EvenlyLit | None, where: np.ndarray) -> float:
     """From the 10 % to the 90 % quantile of blank squares' grey, in percent of their median."""
     side = round(SQUARE_MM * case.page.dpi / 25.4)
     light = linear_light(256)[np.asarray(case.page.pixels)]
@@ -217,9 +217,9 @@ def measured(case: Case, method: str) -> list[str]:
     ]
 
 
-def removed(case: Case, method: str) -> Unshaded:
+def removed(case: Case, method: str) -> EvenlyLit:
     settings = ShadingSettings(shading=method)
-    return unshade(case.page, case.made.scan, case.made.truth_xy, case.normals, settings)
+    return remove_shading(case.page, case.made.scan, case.made.truth_xy, case.normals, settings)
 
 
 def seconds(case: Case) -> float:

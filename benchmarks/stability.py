@@ -28,7 +28,7 @@ from planish.flattening import drop, settle
 from planish.flattening.quad_mesh import lattice_springs, lay_lattice
 from planish.flattening.verlet import Settled, at_rest, project, relax, shuffled
 from planish.gallery import sheet, virtual_scan
-from planish.mesh import Coarse, carry, clean, stand_on_table, subsample, topology
+from planish.mesh import Coarse, clean, onto_support_plane, prolongate, subsample, topology
 from planish.settings import MassSpringSettings, VerletSettings
 from planish.sticks import make_sticks
 from planish.types import Floats, Mesh, Outcome, Sticks
@@ -99,11 +99,11 @@ def cases(count: int):
 
 
 def judged(case: Case, coarse: Coarse, dt: float, fall: Callable[[Mesh], Settled]) -> Run:
-    standing = Mesh(stand_on_table(coarse.mesh)[0], coarse.mesh.faces)
+    standing = Mesh(onto_support_plane(coarse.mesh)[0], coarse.mesh.faces)
     start = perf_counter()
     done = fall(standing)
     seconds = perf_counter() - start
-    flat = carry(coarse, case.points, done.points[:, :2])
+    flat = prolongate(coarse, case.points, done.points[:, :2])
     return Run(dt, done.outcome, len(done.residuals), seconds, rigid_rms(flat, case.truth))
 
 

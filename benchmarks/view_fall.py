@@ -7,7 +7,7 @@ import numpy as np
 
 from planish.flattening import settle
 from planish.gallery import sheet, sheet_mesh
-from planish.mesh import clean, stand_on_table, subsample, topology
+from planish.mesh import clean, onto_support_plane, subsample, topology
 from planish.sticks import make_sticks
 from planish.types import Mesh, Scan
 from planish.view.settling import FALLING_POINTS, SLOWLY
@@ -24,7 +24,7 @@ def main() -> None:
         cleaned = clean(Scan(sheet_mesh(sheet(name), points=60_000)[0]))
         mesh = subsample(cleaned.scan.mesh, cleaned.topology, FALLING_POINTS).mesh
         sticks = make_sticks(mesh, topology(mesh.faces, len(mesh.points)), "unfolded")
-        standing = Mesh(stand_on_table(mesh)[0], mesh.faces)
+        standing = Mesh(onto_support_plane(mesh)[0], mesh.faces)
         for time_step in TIME_STEPS:
             seen = []
             start = perf_counter()

@@ -8,7 +8,7 @@ from unittest.mock import patch
 
 from docutils.core import publish_string
 
-from planish import __version__
+from planish.version import __version__
 
 app = importlib.import_module("planish.cli.main").app
 

@@ -11,7 +11,7 @@ from planish.flattening.initial_layout import as_they_lie, lay_out
 from planish.flattening.stick_solver import relax
 from planish.gallery import sheet, sheet_mesh
 from planish.mesh import topology
-from planish.parallel import crew
+from planish.parallel import thread_pool
 from planish.report.drawing import Sheet
 from planish.report.heat import coloured, over_page
 from planish.sticks import make_sticks
@@ -27,10 +27,10 @@ def main() -> None:
     found = topology(mesh.faces, len(mesh.points))
     sticks = make_sticks(mesh, found, "smooth")
     rest = sticks.rest[: sticks.edges]
-    with crew() as run:
+    with thread_pool() as parallel_for:
         faces, lie = as_they_lie(mesh.faces, found, sticks.turned)
-        clusters = lay_out_clusters(faces, lie, rest, len(mesh.points), run)
-        start, _ = lay_out(faces, lie, rest, len(mesh.points), run)
+        clusters = lay_out_clusters(faces, lie, rest, len(mesh.points), parallel_for)
+        start, _ = lay_out(faces, lie, rest, len(mesh.points), parallel_for)
     done = relax(mesh, found, sticks)
     page_xy, size = to_page_frame(done.xy * [1, -1], np.array([0.0, -1.0]))
     start = _laid_over(start * [1, -1], page_xy)

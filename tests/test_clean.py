@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from planish.errors import InputError
-from planish.mesh import clean, stand_on_table, topology
+from planish.mesh import clean, onto_support_plane, topology
 from planish.types import Mesh, Scan
 from shapes import arch, grid
 
@@ -217,7 +217,7 @@ def test_the_table_is_found_in_any_frame(seed):
     """Tilted 40 degrees, in camera frame, upside down: the sheet comes to stand as it stood."""
     points, faces = sheet(20, 20)
     turn = rotation(np.random.default_rng(seed))
-    found, rot, shift = stand_on_table(Mesh(points @ turn.T + [7, -90, 600], faces))
+    found, rot, shift = onto_support_plane(Mesh(points @ turn.T + [7, -90, 600], faces))
     np.testing.assert_allclose(found[:, 2], points[:, 2], atol=1e-6)  # the arch stands on its two long sides
     np.testing.assert_allclose((points @ turn.T + [7, -90, 600]) @ rot.T + shift, found, atol=1e-9)
     assert np.linalg.det(rot) == pytest.approx(1)
@@ -226,7 +226,7 @@ def test_the_table_is_found_in_any_frame(seed):
 def test_a_tilted_sheet_that_is_not_symmetric_rests_on_three_points():
     uv, faces = grid(30, 20)
     points = np.c_[uv, 20 + 15 * np.sin(uv[:, 0] / 40) + 10 * np.cos(uv[:, 1] / 30)]
-    found, _, _ = stand_on_table(Mesh(points, faces))
+    found, _, _ = onto_support_plane(Mesh(points, faces))
     assert found[:, 2].min() == pytest.approx(0, abs=1e-9)
     assert (found[:, 2] < 0.5).sum() >= 3
     assert np.ptp(found[found[:, 2] < 0.5][:, :2], axis=0).min() > 20  # and not on one bump alone

@@ -360,7 +360,7 @@ class TestCommandLine:
         assert done.stdout.strip().endswith("set()")
 
     def test_the_version(self, capsys):
-        from planish import __version__
+        from planish.version import __version__
 
         assert run(["--version"]) == 0
         assert capsys.readouterr().out.strip() == __version__

@@ -7,7 +7,7 @@ from scipy import sparse
 from planish.errors import UsageError
 from planish.gallery import OUTLINES, sheet, sheet_mesh
 from planish.gallery.meshes import SCANNER_MM
-from planish.mesh import lattice_faces, topology, without_crumbs
+from planish.mesh import grid_faces, topology, without_small_components
 
 LAYOUTS = ("range", "grid", "delaunay")
 
@@ -133,7 +133,7 @@ def test_pixels_are_joined_once_and_facing_the_viewer(seed):
     index = np.where(there, np.cumsum(there).reshape(there.shape) - 1, -1).astype(np.int32)
     rows, cols = np.nonzero(there)
     points = np.stack([cols, -rows, rng.uniform(0, 0.1, len(rows))], axis=1)
-    faces = lattice_faces(index, points)
+    faces = grid_faces(index, points)
     a, b, c = (points[faces[:, k]] for k in range(3))
     area = np.cross(b - a, c - a)[:, 2] / 2
     assert (area > 0).all()
@@ -146,15 +146,15 @@ def test_a_depth_jump_is_not_joined():
     index = np.arange(12, dtype=np.int32).reshape(3, 4)
     cols, rows = np.meshgrid(np.arange(4.0), np.arange(3.0))
     points = np.stack([cols, -rows, 10.0 * (cols >= 2)], axis=-1).reshape(-1, 3)
-    assert len(lattice_faces(index, points, 5.0)) == 8
-    assert len(lattice_faces(index, points, 15.0)) == 12
+    assert len(grid_faces(index, points, 5.0)) == 8
+    assert len(grid_faces(index, points, 15.0)) == 12
 
 
 def test_crumbs_go_and_large_pieces_stay():
     index = np.arange(400, dtype=np.int32).reshape(20, 20)
     points = np.argwhere(index >= 0).astype(float)
-    large = lattice_faces(index, points)
+    large = grid_faces(index, points)
     two = np.concatenate([large, large + 400, np.array([[800, 801, 802], [0, 803, 804]], np.int32)])
-    used, faces = without_crumbs(two, 810)
+    used, faces = without_small_components(two, 810)
     np.testing.assert_array_equal(used, np.arange(800))
     np.testing.assert_array_equal(faces, two[:-2])

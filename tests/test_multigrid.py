@@ -14,7 +14,7 @@ from planish.flattening.untangle import untangle
 from planish.gallery import sheet, sheet_mesh
 from planish.geometry.distances import distances
 from planish.mesh import clean, topology
-from planish.parallel import crew
+from planish.parallel import thread_pool
 from planish.settings import MultigridSettings
 from planish.sticks import bending_pairs, make_sticks
 from planish.types import Mesh, Outcome, Scan, Sticks
@@ -76,15 +76,15 @@ class TestEnergy:
         self.sticks = sticks_of(uv, faces, topology(faces, len(uv)))
 
     def test_it_is_what_the_formula_says(self):
-        with crew() as run:
-            value, gradient = energy(make_net(self.sticks, run), self.xy, run)
+        with thread_pool() as parallel_for:
+            value, gradient = energy(make_net(self.sticks, parallel_for), self.xy, parallel_for)
         error = distances(self.xy, self.sticks.pairs) - self.sticks.rest
         assert value == pytest.approx(0.5 * (error**2).sum())
         np.testing.assert_allclose(gradient.ravel(), hessian(self.xy, self.sticks)[1], atol=1e-9)
 
     def test_stiffness_is_the_diagonal_of_the_hessian(self):
-        with crew() as run:
-            own = stiffness(make_net(self.sticks, run), self.xy, run)
+        with thread_pool() as parallel_for:
+            own = stiffness(make_net(self.sticks, parallel_for), self.xy, parallel_for)
         matrix = hessian(self.xy, self.sticks)[0].toarray()
         i = np.arange(len(self.xy))
         np.testing.assert_allclose(own[:, 0], matrix[2 * i, 2 * i])
@@ -94,8 +94,8 @@ class TestEnergy:
 
     def test_a_stick_whose_ends_meet_pulls_nowhere(self):
         sticks = Sticks(np.array([[0, 1]], np.int32), np.array([2.0]), np.ones(1), 1)
-        with crew() as run:
-            value, gradient = energy(make_net(sticks, run), np.zeros((2, 2)), run)
+        with thread_pool() as parallel_for:
+            value, gradient = energy(make_net(sticks, parallel_for), np.zeros((2, 2)), parallel_for)
         assert value == 2.0
         assert (gradient == 0).all()
 
@@ -104,10 +104,10 @@ class TestEnergy:
 def test_the_preconditioner_is_symmetric_and_near_the_inverse_of_the_hessian(outline):
     _, _, sticks, truth = known("flat", 400 if outline is None else 800, error=0.0, layout="grid", outline=outline)
     n = len(truth)
-    with crew() as run:
-        net = make_net(sticks, run)
-        ready = make_preconditioner(net, sticks.edges, truth, run)
-        columns = [precondition(ready, unit.reshape(n, 2), run).ravel() for unit in np.eye(2 * n)]
+    with thread_pool() as parallel_for:
+        net = make_net(sticks, parallel_for)
+        ready = make_preconditioner(net, sticks.edges, truth, parallel_for)
+        columns = [precondition(ready, unit.reshape(n, 2), parallel_for).ravel() for unit in np.eye(2 * n)]
     inverse = np.array(columns)
     np.testing.assert_allclose(inverse, inverse.T, atol=1e-5 * np.abs(inverse).max())  # the grids are float32
     values, vectors = np.linalg.eigh(hessian(truth, sticks)[0].toarray())

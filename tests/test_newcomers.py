@@ -6,7 +6,7 @@ import sys
 import pytest
 from numba import njit
 
-from planish.cli import talk
+from planish.cli import console
 from planish.cli.main import app, run
 
 
@@ -68,17 +68,17 @@ class TestFirstRun:
     def watched(self, monkeypatch):
         """As if a person were looking."""
         monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
-        monkeypatch.setattr(talk, "LONG", 0.0)
+        monkeypatch.setattr(console, "LONG", 0.0)
 
     def test_compiling_is_said_to_happen_once(self, monkeypatch, capsys):
         self.watched(monkeypatch)
-        with talk.progress(quiet=False) as tell:
+        with console.progress(quiet=False) as tell:
             tell("flatten", 0.5)
             njit(lambda x: x + 1)(1)
         assert "s of this went into compiling, which happens only once" in capsys.readouterr().err
 
     def test_where_nothing_is_compiled_nothing_is_said(self, monkeypatch, capsys):
         self.watched(monkeypatch)
-        with talk.progress(quiet=False) as tell:
+        with console.progress(quiet=False) as tell:
             tell("flatten", 0.5)
         assert "compiling" not in capsys.readouterr().err

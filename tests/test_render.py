@@ -10,7 +10,7 @@ from planish.color import code_values, linear_light
 from planish.errors import InputError
 from planish.geometry import project
 from planish.render import draw
-from planish.render.uv_map import chart
+from planish.render.uv_map import uv_map
 from planish.settings import RenderSettings
 from planish.types import Camera, Mesh, Scan
 from shapes import grid
@@ -138,7 +138,7 @@ def test_coarse_mesh_is_not_faceted():
     px_per_mm = 900 * 400 / (1.4 * 240) / 340
     misses = []
     for this in (scan, replace(scan, camera=camera), replace(scan, camera=camera, photo_xy=None)):
-        sheet = chart(this, page_xy)
+        sheet = uv_map(this, page_xy)
         miss = np.linalg.norm(sheet.photo_xy - project(camera, bend(sheet.page_xy)), axis=1) / px_per_mm
         inside = (np.abs(sheet.page_xy - [72, 99]) < [54, 80]).all(axis=1)
         misses.append((miss[inside].max(), miss.max()))
@@ -338,7 +338,7 @@ def test_bands_equal_the_whole(monkeypatch):
     rng = np.random.default_rng(5)
     scan, page_xy = flat_scan(rng.integers(0, 256, (300, 200, 3), np.uint8), 20.0, 30.0)
     whole = draw(scan, page_xy, (20.0, 30.0), RenderSettings(dpi=300)).page
-    monkeypatch.setattr(sys.modules["planish.render.paint"], "BAND_PIXELS", 1000)
+    monkeypatch.setattr(sys.modules["planish.render.bands"], "BAND_PIXELS", 1000)
     bands = draw(scan, page_xy, (20.0, 30.0), RenderSettings(dpi=300)).page
     assert (whole.pixels == bands.pixels).all()
     assert (whole.known == bands.known).all()

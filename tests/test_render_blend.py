@@ -160,7 +160,7 @@ def test_order_of_further_photos_and_bands_do_not_matter(monkeypatch):
     cameras = [camera(), camera(30.0), camera(-30.0, 10.0)]
     photos = [photographed(light, c, blur=b) for c, b in zip(cameras, (1.5, 0.0, 0.0), strict=True)]
     first = drawn(photos, cameras)
-    monkeypatch.setattr(sys.modules["planish.render.paint"], "BAND_PIXELS", 30_000)
+    monkeypatch.setattr(sys.modules["planish.render.bands"], "BAND_PIXELS", 30_000)
     second = drawn([photos[i] for i in (0, 2, 1)], [cameras[i] for i in (0, 2, 1)])
     assert first.parts == (second.parts[0], second.parts[2], second.parts[1])
     assert np.abs(first.page.pixels.astype(int) - second.page.pixels).max() <= 1  # sums in another order

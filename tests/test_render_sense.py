@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from planish.document.orientation import skew_degrees, upright_turn
+from planish.document.orientation import detect_orientation, skew_angle
 from planish.gallery import typeset_page
 from planish.gallery.prose import STORY
 from planish.types import Page
@@ -39,7 +39,7 @@ def page_of(pixels):
 @pytest.mark.parametrize("degrees", [-5.0, -0.9, -0.06, 0.0, 0.13, 2.2])
 @pytest.mark.parametrize("columns", [1, 2])
 def test_the_skew_of_text_is_found_within_a_tenth_of_a_degree(columns, degrees):
-    found, confidence = skew_degrees(turned(printed(columns=columns), degrees))
+    found, confidence = skew_angle(turned(printed(columns=columns), degrees))
     assert abs(found - degrees) < 0.1  # what an archive asks of deskewing; at the page's rim a third of a millimetre
     assert confidence > 0.9
 
@@ -49,44 +49,44 @@ def test_the_two_pages_of_a_spread_do_not_pull_each_other_askew():
     page = printed()
     lower = np.roll(page.pixels, 7, axis=0)
     spread = page_of(np.concatenate([page.pixels, lower], axis=1))
-    assert abs(skew_degrees(spread)[0]) < 0.05
+    assert abs(skew_angle(spread)[0]) < 0.05
 
 
 def test_skew_is_found_in_shade_and_has_no_taste_for_level():
     for degrees in (0.05, 0.1, 0.15):  # between whole-pixel shifts of the strips, where sharpness misleads
-        assert abs(skew_degrees(turned(shaded(printed()), degrees))[0] - degrees) < 0.03
+        assert abs(skew_angle(turned(shaded(printed()), degrees))[0] - degrees) < 0.03
 
 
 @pytest.mark.parametrize("needed", [0, 90, 180, 270])
 @pytest.mark.parametrize("how", [{}, {"columns": 2}, {"picture": True, "stamp": True}, {"drawing": True}])
 def test_a_page_is_turned_upright_from_any_way_round(how, needed):
-    degrees, confidence = upright_turn(turned(shaded(printed(**how)), -needed))
+    degrees, confidence = detect_orientation(turned(shaded(printed(**how)), -needed))
     assert degrees == needed
     assert confidence > 0.5
 
 
 def test_a_landscape_page_is_upright_as_it_is():
-    assert upright_turn(typeset_page(210, 148, dpi=150, columns=2)[0])[0] == 0
+    assert detect_orientation(typeset_page(210, 148, dpi=150, columns=2)[0])[0] == 0
 
 
 def test_a_tilted_page_upside_down_is_told():
-    assert upright_turn(turned(turned(printed(), 180), 2.5))[0] == 180
+    assert detect_orientation(turned(turned(printed(), 180), 2.5))[0] == 180
 
 
 def test_where_letters_tell_little_what_was_told_counts():
     capitals = typeset_page(148, 210, dpi=150, title=None, story=tuple(p.upper() for p in STORY), table=False)[0]
-    assert upright_turn(capitals, told=4.0)[0] == 0
-    assert upright_turn(capitals, told=-4.0)[0] == 180
-    assert upright_turn(turned(printed(), 180), told=0.5)[0] == 180  # letters in mixed case are surer than that
+    assert detect_orientation(capitals, told=4.0)[0] == 0
+    assert detect_orientation(capitals, told=-4.0)[0] == 180
+    assert detect_orientation(turned(printed(), 180), told=0.5)[0] == 180  # letters in mixed case are surer than that
 
 
 def test_capitals_have_lines_but_no_certain_way_up():
     page = typeset_page(148, 210, dpi=150, title=None, story=tuple(p.upper() for p in STORY), table=False)[0]
     for way in (0, 180):
-        degrees, confidence = upright_turn(turned(page, way))
+        degrees, confidence = detect_orientation(turned(page, way))
         assert degrees == 0
         assert confidence < 0.5
-    assert upright_turn(turned(page, 90))[0] in (90, 270)
+    assert detect_orientation(turned(page, 90))[0] in (90, 270)
 
 
 def test_what_was_not_seen_says_nothing():
@@ -94,9 +94,9 @@ def test_what_was_not_seen_says_nothing():
     known = page.known.copy()
     known[:, : known.shape[1] // 2] = False
     pixels = np.where(known[..., None], page.pixels, np.uint8(0))  # black, and its edge the strongest of all
-    degrees, _ = skew_degrees(Page(pixels, known, page.dpi))
+    degrees, _ = skew_angle(Page(pixels, known, page.dpi))
     assert abs(degrees) < 0.1
-    assert upright_turn(turned(Page(pixels, known, page.dpi), 180))[0] == 180
+    assert detect_orientation(turned(Page(pixels, known, page.dpi), 180))[0] == 180
 
 
 def creased():
@@ -127,14 +127,14 @@ def ruled():
     ids=["one pixel", "blank", "black", "squared", "creased", "clouds"],
 )
 def test_without_lines_of_text_a_page_stays_as_it_is(pixels):
-    degrees, confidence = skew_degrees(page_of(pixels))
+    degrees, confidence = skew_angle(page_of(pixels))
     assert degrees == 0
     assert confidence < 0.7
-    assert upright_turn(page_of(pixels)) == (0, 0.0)
+    assert detect_orientation(page_of(pixels)) == (0, 0.0)
 
 
 def test_grey_16_bit_and_black_and_white_pages_are_read_alike():
     page = turned(printed(), 1.0)
     grey = cv2.cvtColor(np.asarray(page.pixels), cv2.COLOR_RGB2GRAY)
     for pixels in (grey, page.pixels.astype(np.uint16) * 257, grey > 128):
-        assert abs(skew_degrees(Page(pixels, page.known, page.dpi))[0] - 1.0) < 0.05
+        assert abs(skew_angle(Page(pixels, page.known, page.dpi))[0] - 1.0) < 0.05

@@ -8,9 +8,9 @@ from scipy import ndimage
 
 from planish.color import code_values, linear_light
 from planish.errors import UsageError
-from planish.illumination import unshade
+from planish.illumination import remove_shading
 from planish.illumination.lamp_model import Light, fit, robust, robust_slope
-from planish.illumination.shadow_visibility import lit
+from planish.illumination.shadow_visibility import shadow_visibility
 from planish.illumination.surface_at_pixels import Surface, coarse_mesh
 from planish.settings import ShadingSettings
 from planish.types import Mesh, Page, Scan
@@ -91,7 +91,7 @@ def shape():
 def test_paper_becomes_even_and_just_white(sheet, shape):
     paper, blank = text(shape)
     page = photographed(paper)
-    made = unshade(page, *sheet)
+    made = remove_shading(page, *sheet)
     assert evenness(page, blank) > 15
     assert made.fit.unevenness < 0.008  # of cells, before white is clipped: noise of 0.7 / 255 over 2 x 2 pixels
     assert made.fit.unevenness_before > 0.15
@@ -102,7 +102,7 @@ def test_paper_becomes_even_and_just_white(sheet, shape):
 
 
 def test_the_lamp_is_found(sheet, shape):
-    made = unshade(photographed(text(shape)[0]), *sheet)
+    made = remove_shading(photographed(text(shape)[0]), *sheet)
     # on a sheet of 160 mm, 370 mm below the lamp, brightness known to 0.5 % gives the lamp to a few hundredths
     assert np.linalg.norm(np.array(made.fit.lamp_mm) - LAMP) < 30
     assert made.fit.ambient == pytest.approx(AMBIENT, abs=0.05)
@@ -119,7 +119,7 @@ def test_a_grey_picture_over_half_the_page_keeps_its_greys(sheet, shape):
     true = code_values(np.dtype(np.uint8))[np.rint((picture - 0.036) / 0.964 * 65535).astype(int)].mean()
     grey = {}
     for method in ("geometry", "background"):
-        made = unshade(page, *sheet, ShadingSettings(shading=method)).page
+        made = remove_shading(page, *sheet, ShadingSettings(shading=method)).page
         grey[method] = np.asarray(made.pixels, float)[top:bottom, left:right].mean()
     assert grey["geometry"] == pytest.approx(true, rel=0.03)
     assert grey["background"] > 1.2 * true
@@ -131,7 +131,7 @@ def test_colours_keep_their_hue_under_a_tinted_light(sheet, shape):
     colour = np.ones((*shape, 3))
     colour[400:480, 200:380] = red
     colour[100:104, 60:400] = 0.04  # some black print
-    made = unshade(photographed(colour, tint=(1.0, 0.9, 0.72)), *sheet).page
+    made = remove_shading(photographed(colour, tint=(1.0, 0.9, 0.72)), *sheet).page
     stamp = linear_light(256)[np.asarray(made.pixels)[410:470, 210:370]].mean(axis=(0, 1))
     # less what was taken away to make ink black, 0.036; 0.012 in light is about Delta E 2 for a red like this
     np.testing.assert_allclose(stamp, (red - 0.036) / 0.964, atol=0.012)
@@ -140,7 +140,7 @@ def test_colours_keep_their_hue_under_a_tinted_light(sheet, shape):
 
 def test_coloured_paper_stays_coloured(sheet, shape):
     yellow = np.ones((*shape, 3)) * [0.95, 0.85, 0.3]
-    made = unshade(photographed(yellow), *sheet).page
+    made = remove_shading(photographed(yellow), *sheet).page
     light = linear_light(256)[np.asarray(made.pixels)]
     blue = light[..., 2]
     assert light[..., 0].min() > 0.98
@@ -151,8 +151,8 @@ def test_coloured_paper_stays_coloured(sheet, shape):
 def test_ink_becomes_black_and_faint_print_does_not(sheet, shape):
     dark, pale = text(shape, ink=0.05)[0], text(shape, ink=0.3)[0]
     core = [ndimage.binary_erosion(p < 1, np.ones((3, 1))) for p in (dark, pale)]
-    black = np.asarray(unshade(photographed(dark), *sheet).page.pixels)[core[0]]
-    faint = np.asarray(unshade(photographed(pale), *sheet).page.pixels)[core[1]]
+    black = np.asarray(remove_shading(photographed(dark), *sheet).page.pixels)[core[0]]
+    faint = np.asarray(remove_shading(photographed(pale), *sheet).page.pixels)[core[1]]
     assert np.median(black) < 30  # from 63
     assert np.median(linear_light(256)[faint]) == pytest.approx(0.3, abs=0.02)
 
@@ -160,20 +160,20 @@ def test_ink_becomes_black_and_faint_print_does_not(sheet, shape):
 def test_clipped_pixels_are_marked_and_not_believed(sheet, shape):
     paper, blank = text(shape)
     page = photographed(paper, exposure=1.4)
-    made = unshade(page, *sheet)
+    made = remove_shading(page, *sheet)
     assert (np.asarray(made.page.pixels)[blank] == 255).mean() > 0.99
     full = (np.asarray(page.pixels) == 255).any(axis=2)
     assert 0.1 < full.mean() < 0.9
     assert (made.clipped == full).all()
     assert made.fit.clipped_share == pytest.approx(full.mean())
     assert "clipped in the photo" in made.fit.warnings[0]
-    assert unshade(photographed(paper), *sheet).fit.warnings == ()
+    assert remove_shading(photographed(paper), *sheet).fit.warnings == ()
     assert np.linalg.norm(np.array(made.fit.lamp_mm) - LAMP) < 60  # found from half the page
 
 
 def test_the_light_that_was_divided_out_is_given(sheet, shape):
     """Cell by cell it is what blank paper of this page shows."""
-    made = unshade(photographed(text(shape)[0], tint=(1.0, 0.9, 0.72)), *sheet)
+    made = remove_shading(photographed(text(shape)[0], tint=(1.0, 0.9, 0.72)), *sheet)
     middle = (np.arange(max(made.light.shape[:2])) + 0.5) * made.cell_px - 0.5
     rows, cols = (
         np.clip(np.rint(middle[:n]), 0, m - 1).astype(int) for n, m in zip(made.light.shape, shape, strict=False)
@@ -204,7 +204,7 @@ def test_shadow_of_a_wall():
     points = np.stack([x, 0 * x + 3, 0 * x], axis=-1)
     up = np.tile([0.0, 0, 1], (len(x), 1))
     far = 1e5
-    share = lit(wall_and_table(), np.array([-far, 0, far]), points, up)
+    share = shadow_visibility(wall_and_table(), np.array([-far, 0, far]), points, up)
     # the shadow reaches as far as the wall is high; a pixel of the lamp's view is 0.4 mm, the slack 1 mm and more
     assert (share[(x > 4) & (x < 16)] == 0).all()
     assert (share[(x < -4) | (x > 24)] == 1).all()
@@ -226,7 +226,7 @@ def test_a_picture_across_a_cast_shadow_is_not_made_brighter(shape):
     mesh = Mesh(points, faces[:, ::-1])
     lamp, places = np.array([-300.0, -HEIGHT / 2, 120.0]), page_places()
     at, turned = valley(places)
-    share = lit(mesh, lamp, at, turned)
+    share = shadow_visibility(mesh, lamp, at, turned)
     way = lamp - at
     distance = np.linalg.norm(way, axis=2)
     facing = np.maximum((turned * way).sum(axis=2) / distance, 0)
@@ -240,7 +240,7 @@ def test_a_picture_across_a_cast_shadow_is_not_made_brighter(shape):
     light = np.clip(0.8 * paper * shine / shine.max(), 0, 1)
     codes = code_values(np.dtype(np.uint8))[np.rint(light * 65535).astype(int)]
     page = Page(np.repeat(codes[..., None], 3, axis=2), np.ones(shape, bool), DPI)
-    made = unshade(page, Scan(mesh), page_xy, normals)
+    made = remove_shading(page, Scan(mesh), page_xy, normals)
     assert evenness(page, blank) > 20
     assert made.fit.unevenness < 0.01
     grey = linear_light(256)[np.asarray(made.page.pixels)[top:bottom, left:-20, 0]]
@@ -264,7 +264,7 @@ def test_no_line_is_left_at_a_sharp_crease(shape, aside):
     paper[300:304, 150:320] = 0.05
     codes = code_values(np.dtype(np.uint8))[np.rint(0.7 * paper * shine / shine.max() * 65535).astype(int)]
     page = Page(np.repeat(codes[..., None], 3, axis=2), np.ones(shape, bool), DPI)
-    made = np.asarray(unshade(page, Scan(Mesh(points, faces[:, ::-1])), page_xy, normals).page.pixels)
+    made = np.asarray(remove_shading(page, Scan(Mesh(points, faces[:, ::-1])), page_xy, normals).page.pixels)
     assert made[10:290, 40:-40].min() >= 250  # without the seam a line of 231 would stay
     assert made[301:303, 160:310].max() < 90  # from 63 before black is made black; a stroke is never taken for a seam
 
@@ -326,7 +326,7 @@ def test_what_is_darker_than_paper_pulls_less_than_what_is_brighter():
 
 def test_a_page_without_quiet_paper_falls_back_and_says_so(sheet, shape):
     noise = np.random.default_rng(7).uniform(0.05, 1, shape)
-    made = unshade(photographed(noise), *sheet)
+    made = remove_shading(photographed(noise), *sheet)
     assert made.fit.method == "background"
     assert made.fit.lamp_mm is None
     assert "too little blank paper" in made.fit.warnings[0]
@@ -338,7 +338,7 @@ def test_sixteen_bits_grey_and_colour_agree(sheet, shape, method):
     s = ShadingSettings(shading=method)
     colour = photographed(paper, noise=0.0, dtype=np.uint16)
     grey = replace(colour, pixels=np.asarray(colour.pixels)[..., 0])
-    found = [unshade(page, *sheet, s).page.pixels for page in (colour, grey)]
+    found = [remove_shading(page, *sheet, s).page.pixels for page in (colour, grey)]
     assert found[0].dtype == found[1].dtype == np.uint16
     # the same up to the rounding of light to 65535 steps
     assert np.abs(found[0][..., 0].astype(int) - found[1].astype(int)).max() <= 64
@@ -346,7 +346,7 @@ def test_sixteen_bits_grey_and_colour_agree(sheet, shape, method):
 
 def test_exposure_does_not_matter(sheet, shape):
     paper, blank = text(shape)
-    found = [np.asarray(unshade(photographed(paper, exposure=e), *sheet).page.pixels) for e in (0.3, 0.7)]
+    found = [np.asarray(remove_shading(photographed(paper, exposure=e), *sheet).page.pixels) for e in (0.3, 0.7)]
     assert np.abs(found[0].astype(int) - found[1])[blank].max() <= 2
 
 
@@ -356,7 +356,7 @@ def test_unknown_parts_stay_white_and_out_of_the_fit(sheet, shape):
     known[:, :150] = False
     pixels = np.array(page.pixels)
     pixels[:, :150] = 40
-    made = unshade(Page(pixels, known, DPI), *sheet)
+    made = remove_shading(Page(pixels, known, DPI), *sheet)
     assert (np.asarray(made.page.pixels)[:, :150] == 255).all()
     assert np.linalg.norm(np.array(made.fit.lamp_mm) - LAMP) < 60
 
@@ -370,11 +370,11 @@ def test_any_page_comes_through(size, method, kind):
     points, normals = bend(page_xy)
     pixels = np.random.default_rng(0).integers(0, 256, (*size, 3), np.uint8) if kind == 2 else np.zeros((*size, 3))
     page = Page(pixels.astype(np.uint8), np.full(size, kind != 1), 25.4)
-    made = unshade(page, Scan(Mesh(points, faces[:, ::-1])), page_xy, normals, ShadingSettings(shading=method))
+    made = remove_shading(page, Scan(Mesh(points, faces[:, ::-1])), page_xy, normals, ShadingSettings(shading=method))
     assert made.page.pixels.shape == (*size, 3)
     assert made.clipped.shape == size
 
 
 def test_refusal(sheet, shape):
     with pytest.raises(UsageError, match="choose geometry or background"):
-        unshade(photographed(np.ones(shape)), *sheet, ShadingSettings(shading="none"))
+        remove_shading(photographed(np.ones(shape)), *sheet, ShadingSettings(shading="none"))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import planish
-from planish.document.page_split import find_spine, spine_of, split
+from planish.document.page_split import find_gutter, gutter_of_surface, split_pages
 from planish.gallery import sheet, sheet_mesh, typeset_page, virtual_scan
 from planish.settings import RenderSettings, RestoreSettings
 from planish.types import Mesh, Page, Spine
@@ -23,7 +23,7 @@ def bent(name, **how):
 
 def spine_on(name, **how):
     made, mesh, page_xy = bent(name, **how)
-    return find_spine(mesh, page_xy, (made.width_mm, made.height_mm))
+    return gutter_of_surface(mesh, page_xy, (made.width_mm, made.height_mm))
 
 
 @pytest.mark.parametrize("spine_deg", [40.0, 80.0, 118.0])
@@ -38,14 +38,14 @@ def test_noise_hardly_moves_the_spine():
     made, mesh, page_xy = bent("spread")
     rng = np.random.default_rng(1)
     noisy = Mesh(mesh.points + rng.normal(0, 0.1, mesh.points.shape), mesh.faces)
-    assert find_spine(noisy, page_xy, (made.width_mm, made.height_mm)).x_mm == pytest.approx(148, abs=0.3)
+    assert gutter_of_surface(noisy, page_xy, (made.width_mm, made.height_mm)).x_mm == pytest.approx(148, abs=0.3)
 
 
 def test_a_strip_along_the_spine_that_nobody_saw_does_not_hide_it():
     made, mesh, page_xy = bent("spread")
     hidden = np.abs(page_xy[mesh.faces].mean(axis=1)[:, 0] - 150) < 5
     seen = Mesh(mesh.points, mesh.faces[~hidden])
-    assert find_spine(seen, page_xy, (made.width_mm, made.height_mm)).x_mm == pytest.approx(148, abs=3)
+    assert gutter_of_surface(seen, page_xy, (made.width_mm, made.height_mm)).x_mm == pytest.approx(148, abs=3)
 
 
 @pytest.mark.parametrize("name", SINGLE)
@@ -72,20 +72,20 @@ def test_folds_and_waves_are_no_spine(name, how):
 def test_a_letter_on_end_has_its_folds_at_its_thirds(slopes):
     made, mesh, page_xy = bent("letter", width_mm=210.0, height_mm=297.0, slopes_deg=slopes)
     on_end = np.stack([made.height_mm - page_xy[:, 1], page_xy[:, 0]], axis=1)
-    assert find_spine(mesh, on_end, (made.height_mm, made.width_mm)) is None
+    assert gutter_of_surface(mesh, on_end, (made.height_mm, made.width_mm)) is None
 
 
 def test_coarse_scans_of_books_that_lie_nearly_flat_have_a_spine():
     made = sheet("spread", spine_deg=45.0)
     mesh, page_xy = sheet_mesh(made, points=5000)
     noisy = Mesh(mesh.points + np.random.default_rng(0).normal(0, 0.1, mesh.points.shape), mesh.faces)
-    assert find_spine(noisy, page_xy, (made.width_mm, made.height_mm)).x_mm == pytest.approx(148, abs=0.5)
+    assert gutter_of_surface(noisy, page_xy, (made.width_mm, made.height_mm)).x_mm == pytest.approx(148, abs=0.5)
 
 
 def test_a_spine_that_lies_across_is_none():
     made, mesh, page_xy = bent("spread")
     on_end = np.stack([made.height_mm - page_xy[:, 1], page_xy[:, 0]], axis=1)
-    assert find_spine(mesh, on_end, (made.height_mm, made.width_mm)) is None
+    assert gutter_of_surface(mesh, on_end, (made.height_mm, made.width_mm)) is None
 
 
 def page_of(pixels, dpi=150.0):
@@ -104,8 +104,8 @@ def test_text_that_runs_across_the_spine_is_not_cut_unasked():
     """A landscape letter folded in the middle has a valley like a book's, and lines across it."""
     _, mesh, page_xy = bent("spread")
     page = one_page_over_the_spine()
-    assert spine_of(mesh, page_xy, page, certainly=False) is None
-    forced = spine_of(mesh, page_xy, page, certainly=True)
+    assert find_gutter(mesh, page_xy, page, certainly=False) is None
+    forced = find_gutter(mesh, page_xy, page, certainly=True)
     assert forced.crossed
     assert forced.x_mm == pytest.approx(148, abs=4)
 
@@ -114,18 +114,18 @@ def test_one_line_across_is_enough():
     _, mesh, page_xy = bent("spread")
     pixels = np.full((1240, 1748, 3), 255, np.uint8)
     cv2.putText(pixels, "A heading across both pages", (500, 300), cv2.FONT_HERSHEY_DUPLEX, 1.4, (0, 0, 0), 3)
-    assert spine_of(mesh, page_xy, page_of(pixels), certainly=False) is None
-    assert spine_of(mesh, page_xy, page_of(np.full((1240, 1748, 3), 255)), certainly=False) is not None
+    assert find_gutter(mesh, page_xy, page_of(pixels), certainly=False) is None
+    assert find_gutter(mesh, page_xy, page_of(np.full((1240, 1748, 3), 255)), certainly=False) is not None
 
 
 def test_without_a_valley_the_gutter_of_the_print_is_cut_if_so_asked():
     _, mesh, page_xy = bent("flat", width_mm=296.0, height_mm=210.0)
     page = two_columns_across()
-    assert spine_of(mesh, page_xy, page, certainly=False) is None
-    found = spine_of(mesh, page_xy, page, certainly=True)
+    assert find_gutter(mesh, page_xy, page, certainly=False) is None
+    found = find_gutter(mesh, page_xy, page, certainly=True)
     assert (found.found_by, found.crossed) == ("gutter", False)
     assert found.x_mm == pytest.approx(148, abs=2)
-    blocked = spine_of(mesh, page_xy, one_page_over_the_spine(), certainly=True)
+    blocked = find_gutter(mesh, page_xy, one_page_over_the_spine(), certainly=True)
     assert (blocked.found_by, blocked.crossed) == ("middle", True)
 
 
@@ -133,8 +133,8 @@ def test_the_cut_goes_beside_a_letter_that_touches_the_spine():
     _, mesh, page_xy = bent("spread")
     pixels = np.full((1240, 1748, 3), 255, np.uint8)
     pixels[200:1000:40, 866:880] = 0  # letters that reach 1 mm over the spine at column 874, from the left
-    found = spine_of(mesh, page_xy, page_of(pixels), certainly=True)
-    left, right = split(page_of(pixels), found)
+    found = find_gutter(mesh, page_xy, page_of(pixels), certainly=True)
+    left, right = split_pages(page_of(pixels), found)
     assert 0 < found.x_mm - 148 < 2
     assert (np.asarray(right.pixels) == 255).all()
     assert left.pixels.shape[1] + right.pixels.shape[1] == 1748
@@ -144,7 +144,7 @@ def test_every_pixel_goes_into_one_part():
     pixels = np.arange(60, dtype=np.uint16).reshape(4, 15)
     page = Page(pixels, pixels % 7 > 0, 25.4, b"profile")
     for x_mm in (-3.0, 0.0, 6.4, 99.0):
-        left, right = split(page, Spine(x_mm, 0.0, "middle"))
+        left, right = split_pages(page, Spine(x_mm, 0.0, "middle"))
         np.testing.assert_array_equal(np.hstack([left.pixels, right.pixels]), pixels)
         np.testing.assert_array_equal(np.hstack([left.known, right.known]), page.known)
         assert left.known.size
@@ -169,7 +169,7 @@ def test_a_spread_comes_out_as_two_pages(spread):
     # off the valley, on whichever side its points happen to be farther from it
     assert parts[1].left_mm == done.report.spine.x_mm
     assert not any("split" in warning or "spine" in warning for warning in done.report.warnings)
-    sides = split(done.rendered, done.report.spine)
+    sides = split_pages(done.rendered, done.report.spine)
     wide = [side.known.shape[1] for side in sides]
     assert wide == pytest.approx([part.width_mm / 25.4 * 100 for part in parts], abs=1)  # whole pixels
 

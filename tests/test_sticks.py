@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from planish.geometry.distances import distances
 from planish.mesh import topology
-from planish.parallel import crew
+from planish.parallel import thread_pool
 from planish.sticks import bending_pairs, make_sticks, unfolded_distance
 from planish.surface.flipped_faces import turned_over
 from planish.types import Mesh
@@ -128,7 +128,7 @@ def test_bending_sticks_across_faces_that_noise_turned_over_are_as_long_as_on_th
 def test_faces_that_noise_turned_over_are_told_by_the_normals_of_all_three_corners():
     xy, faces, turned = moved_within_the_plane()
     normals = np.tile(np.float32([0, 0, 1]), (len(xy), 1))
-    with crew() as run:
-        np.testing.assert_array_equal(turned_over(upright(xy), faces, normals, run), turned)
+    with thread_pool() as parallel_for:
+        np.testing.assert_array_equal(turned_over(upright(xy), faces, normals, parallel_for), turned)
         normals[faces[turned][0, 1]] = [0, 0, -1]
-        assert not turned_over(upright(xy), faces, normals, run)[turned][0]
+        assert not turned_over(upright(xy), faces, normals, parallel_for)[turned][0]

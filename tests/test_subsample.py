@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from planish.mesh import area_vectors, border_loops, carry, subsample, topology
+from planish.mesh import area_vectors, border_loops, prolongate, subsample, topology
 from planish.types import Mesh
 from shapes import arch, grid, rigid_rms
 
@@ -49,7 +49,7 @@ def test_carrying_a_bent_sheet_back_is_exact_at_the_coarse_points_and_close_betw
     points = arch(uv)
     coarse = coarse_of(points, faces, 400)
     at = np.array([np.flatnonzero((points == p).all(1))[0] for p in coarse.mesh.points])
-    page = carry(coarse, points, uv[at])
+    page = prolongate(coarse, points, uv[at])
     np.testing.assert_allclose(page[at], uv[at], atol=1e-9)
     # 12 mm triangles on a radius of 60 mm: facets would err by up to 12^2 / (8 * 60) = 0.3 mm of sag
     assert rigid_rms(page, uv) < 0.03
@@ -61,4 +61,4 @@ def test_carrying_repeats_a_linear_map_beyond_the_border_too():
     coarse = coarse_of(points, faces, 60)
     flat = np.c_[uv[:, 0] * np.hypot(1, 0.3), uv[:, 1]]
     at = np.array([np.flatnonzero((points == p).all(1))[0] for p in coarse.mesh.points])
-    np.testing.assert_allclose(carry(coarse, points, flat[at]), flat, atol=1e-9)
+    np.testing.assert_allclose(prolongate(coarse, points, flat[at]), flat, atol=1e-9)

@@ -7,7 +7,7 @@ from planish.flattening.initial_layout import lay_out
 from planish.gallery import SHEETS, sheet, sheet_mesh
 from planish.geometry.distances import distances
 from planish.mesh import topology
-from planish.parallel import crew
+from planish.parallel import thread_pool
 from shapes import grid, rigid_rms
 
 UP = [1, -1]  # the gallery's pages have y down
@@ -15,8 +15,8 @@ UP = [1, -1]  # the gallery's pages have y down
 
 def unfold(faces, rest_of, count, threads=None):
     found = topology(faces, count)
-    with crew(threads) as run:
-        return lay_out(faces, found, rest_of(found.edges), count, run)
+    with thread_pool(threads) as parallel_for:
+        return lay_out(faces, found, rest_of(found.edges), count, parallel_for)
 
 
 def known(name, points=4000, **kwargs):
@@ -56,8 +56,8 @@ def test_lengths_off_at_random_are_averaged_out():
     found = topology(faces, len(truth))
     rng = np.random.default_rng(3)
     rest = true(found.edges) * (1 + 1e-3 * rng.standard_normal(len(found.edges)))
-    with crew() as run:
-        xy, _ = lay_out(faces, found, rest, len(truth), run)
+    with thread_pool() as parallel_for:
+        xy, _ = lay_out(faces, found, rest, len(truth), parallel_for)
     assert rigid_rms(xy, truth) < 0.1  # the edges are 1.4 mm; 1e-3 of each, added up along the side, would be 0.2
 
 
@@ -79,8 +79,8 @@ def test_the_number_of_threads_changes_not_one_bit():
 def test_clusters_cover_all_faces_and_keep_their_lengths():
     faces, truth, true, _ = known("flat", 6000, layout="delaunay")
     found = topology(faces, len(truth))
-    with crew() as run:
-        clusters = lay_out_clusters(faces, found, true(found.edges), len(truth), run)
+    with thread_pool() as parallel_for:
+        clusters = lay_out_clusters(faces, found, true(found.edges), len(truth), parallel_for)
     assert clusters.total > 2 * len(faces) / (3 * RADIUS**2)  # none can be larger than so many faces
     assert (np.diff(clusters.start) >= 1).all()  # every point is somewhere
     point = np.repeat(np.arange(len(truth)), np.diff(clusters.start))
@@ -95,8 +95,8 @@ def test_joined_clusters_lie_where_the_gaps_between_copies_are_least():
     found = topology(faces, len(truth))
     rng = np.random.default_rng(0)
     rest = true(found.edges) * (1 + 0.01 * rng.standard_normal(len(found.edges)))
-    with crew() as run:
-        clusters = lay_out_clusters(faces, found, rest, len(truth), run)
+    with thread_pool() as parallel_for:
+        clusters = lay_out_clusters(faces, found, rest, len(truth), parallel_for)
     rho, tau, _ = join(clusters)
 
     def misfit(rho, tau):
@@ -153,8 +153,8 @@ def test_a_cluster_that_came_out_crumpled_is_outvoted():
     found = topology(faces, len(truth))
     rng = np.random.default_rng(0)
     rest = true(found.edges) * (1 + 1e-3 * rng.standard_normal(len(found.edges)))
-    with crew() as run:
-        clusters = lay_out_clusters(faces, found, rest, len(truth), run)
+    with thread_pool() as parallel_for:
+        clusters = lay_out_clusters(faces, found, rest, len(truth), parallel_for)
     whole = gather(clusters, *join(clusters)[:2])
     inner = clusters.cluster == np.bincount(clusters.cluster).argmax()
     crumpled = clusters._replace(place=clusters.place + np.where(inner, rng.normal(0, 20, len(inner)), 0))

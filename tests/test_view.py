@@ -19,7 +19,7 @@ from PIL import Image
 import planish
 from planish.flattening import settle
 from planish.gallery import sheet, sheet_mesh, virtual_scan
-from planish.mesh import Coarse, area_vectors, carry, stand_on_table, topology
+from planish.mesh import Coarse, area_vectors, onto_support_plane, prolongate, topology
 from planish.settings import RestoreSettings
 from planish.sticks import make_sticks
 from planish.types import Mesh, Outcome, Page, Scan
@@ -272,7 +272,7 @@ def test_it_says_how_the_fall_ended(done, outcome):
 def test_watching_changes_nothing():
     mesh, _ = sheet_mesh(sheet("wave"), points=300, layout="grid")
     sticks = make_sticks(mesh, topology(mesh.faces, len(mesh.points)), "unfolded")
-    standing = Mesh(stand_on_table(mesh)[0], mesh.faces)
+    standing = Mesh(onto_support_plane(mesh)[0], mesh.faces)
     seen = []
     watched, alone = settle(standing, sticks, watch=seen.append), settle(standing, sticks)
     np.testing.assert_array_equal(watched.points, alone.points)
@@ -293,7 +293,7 @@ def test_a_sheet_that_is_turned_in_space_is_carried_whole():
     turn *= np.sign(np.linalg.det(turn))
     upright = area_vectors(coarse, faces)
     upright /= np.linalg.norm(upright, axis=1, keepdims=True)
-    moved = carry(Coarse(Mesh(coarse, faces), corner[:, 0]), fine, coarse @ turn.T + 7, upright @ turn.T)
+    moved = prolongate(Coarse(Mesh(coarse, faces), corner[:, 0]), fine, coarse @ turn.T + 7, upright @ turn.T)
     np.testing.assert_allclose(moved, fine @ turn.T + 7, atol=1e-9)
 
 

@@ -14,11 +14,11 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-__version__ = "0.1.0"
+from planish.version import __version__ as __version__
 
 if TYPE_CHECKING:
     from planish import gallery, photo
-    from planish.document import split
+    from planish.document import split_pages
     from planish.errors import InputError, OutputError, PlanishError, UsageError
     from planish.io import (
         read_camera,
@@ -46,7 +46,7 @@ _WHERE = {
         "planish.io",
     ),
     **dict.fromkeys(("flatten", "restore"), "planish.pipeline"),
-    "split": "planish.document",
+    "split_pages": "planish.document",
     **dict.fromkeys(("FlattenSettings", "RenderSettings", "RestoreSettings"), "planish.settings"),
     **dict.fromkeys(
         ("Camera", "Flattening", "Mesh", "Outcome", "Page", "Report", "Restoration", "Scan"), "planish.types"
@@ -76,7 +76,7 @@ __all__ = [
     "read_photo",
     "read_scan",
     "restore",
-    "split",
+    "split_pages",
     "write_flat",
     "write_json",
     "write_page",

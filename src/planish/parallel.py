@@ -18,17 +18,17 @@ from numba import get_num_threads
 BLOCK = 1 << 15
 """Items in a block: about a millisecond of work, a hundred times what handing it out costs."""
 
-Crew = Callable[..., None]
+ParallelFor = Callable[..., None]
 
 
 @contextmanager
-def crew(threads: int | None = None) -> Iterator[Crew]:
+def thread_pool(threads: int | None = None) -> Iterator[ParallelFor]:
     """Hire threads for as long as the `with` lasts.
 
     Yields
     ------
-    run : callable
-        `run(kernel, count, *arguments, block=BLOCK)` calls `kernel(first, last, *arguments)` for blocks that
+    parallel_for : callable
+        `parallel_for(kernel, count, *arguments, block=BLOCK)` calls `kernel(first, last, *arguments)` for blocks that
         together cover `range(count)`, in no certain order. The kernel must be compiled with `nogil=True`, and no
         two blocks may write the same place.
 
@@ -41,15 +41,15 @@ def crew(threads: int | None = None) -> Iterator[Crew]:
     ...     for i in range(first, last):
     ...         x[i] *= x[i]
     >>> x = np.arange(5.0)
-    >>> with crew() as run:
-    ...     run(square, 5, x, block=2)
+    >>> with thread_pool() as parallel_for:
+    ...     parallel_for(square, 5, x, block=2)
     >>> x.tolist()
     [0.0, 1.0, 4.0, 9.0, 16.0]
     """
     hands = threads or get_num_threads()
     with ThreadPoolExecutor(max(hands - 1, 1)) as pool:
 
-        def run(kernel: Callable[..., Any], count: int, *arguments: Any, block: int = BLOCK) -> None:
+        def parallel_for(kernel: Callable[..., Any], count: int, *arguments: Any, block: int = BLOCK) -> None:
             blocks = itertools.count()
 
             def work() -> None:
@@ -61,4 +61,4 @@ def crew(threads: int | None = None) -> Iterator[Crew]:
             for helper in helpers:
                 helper.result()
 
-        yield run
+        yield parallel_for

@@ -10,14 +10,14 @@ from time import perf_counter
 import numpy as np
 
 from planish.binarize import binarize
-from planish.document import SURE, find_spine, skew_degrees, spine_of, upright_turn
+from planish.document import SURE, detect_orientation, find_gutter, gutter_of_surface, skew_angle
 from planish.flattening import direction_of_growth, to_page_frame, turned
 from planish.flattening import flatten as lay_flat
 from planish.geometry.viewpoint import viewpoint
-from planish.illumination import ShadingFit, unshade
+from planish.illumination import ShadingFit, remove_shading
 from planish.mesh import Cleaned, clean, to_file_order
-from planish.render import Rendered, draw, missing_parts, preview
-from planish.report import account, guideline
+from planish.render import Rendered, draw, missing_regions, preview
+from planish.report import build_report, guideline
 from planish.settings import FlattenSettings, Pages, RestoreSettings, Rotation
 from planish.surface import smooth_normals
 from planish.types import (
@@ -99,20 +99,20 @@ def restore(
             rendered = draw(cleaned.scan, flat.page_xy, flat.size_mm, s.render)
         if s.pages != "1":
             with stage("split"):
-                spine = spine_of(cleaned.scan.mesh, flat.page_xy, rendered.page, certainly=s.pages == "2")
+                spine = find_gutter(cleaned.scan.mesh, flat.page_xy, rendered.page, certainly=s.pages == "2")
         if s.shading.shading != "none":
             with stage("unshade"):
                 normals = flat.normals
                 if normals is None:
                     normals = smooth_normals(cleaned.scan.mesh, cleaned.topology)
-                unshaded = unshade(rendered.page, cleaned.scan, flat.page_xy, normals, s.shading)
+                unshaded = remove_shading(rendered.page, cleaned.scan, flat.page_xy, normals, s.shading)
         if s.binarize.binarize != "none":
             with stage("binarize"):
                 binary = binarize(unshaded.page if unshaded else rendered.page, s.binarize)
     with stage("measure"):
         warnings = [*cleaned.warnings, *flat.warnings, *(unshaded.fit.warnings if unshaded else ())]
         warnings += _said_of_pages(spine, s.pages) if rendered else []
-        report = account(scan, cleaned, flat, _page_report(flat, rendered), stage.seconds, warnings)
+        report = build_report(scan, cleaned, flat, _page_report(flat, rendered), stage.seconds, warnings)
     if unshaded:
         report = replace(report, shading=_shading_report(unshaded.fit))
     if rendered:
@@ -222,13 +222,11 @@ def _as_its_text_reads(flat: Flattening, page: Page, way_up: WayUp | None, uprig
 
     The page is to be drawn anew afterwards, so that no pixel is filtered twice.
     """
-    quarter, confidence = upright_turn(page, upright)
+    quarter, confidence = detect_orientation(page, upright)
     told = way_up(page) if way_up and confidence < SURE else None
     quarter = quarter if told is None else told
     clockwise = -quarter // 90
-    skew, _ = skew_degrees(
-        replace(page, pixels=np.rot90(page.pixels, clockwise), known=np.rot90(page.known, clockwise))
-    )
+    skew, _ = skew_angle(replace(page, pixels=np.rot90(page.pixels, clockwise), known=np.rot90(page.known, clockwise)))
     if not quarter and abs(skew) <= LEVEL:
         return flat
     page_xy, size = turned(flat.page_xy, quarter - (skew if abs(skew) > LEVEL else 0.0))
@@ -241,7 +239,7 @@ def _with_its_spine_upright(cleaned: Cleaned, flat: Flattening) -> Flattening:
     as_photographed = _the_right_way_round(cleaned, flat, "auto", long_side_upright=False)
     page_xy, size = turned(flat.page_xy, 90.0)
     for way in (flat, as_photographed, replace(flat, page_xy=page_xy, size_mm=size)):
-        if find_spine(mesh, way.page_xy, way.size_mm):
+        if gutter_of_surface(mesh, way.page_xy, way.size_mm):
             return way
     return flat
 
@@ -288,7 +286,7 @@ def _page_report(flat: Flattening, rendered: Rendered | None) -> PageReport:
     if rendered is None:
         return PageReport(width, height)
     page, found = rendered.page, rendered.resolution
-    missing = missing_parts(page)
+    missing = missing_regions(page)
     return PageReport(
         width,
         height,

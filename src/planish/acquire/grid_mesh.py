@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from planish.errors import InputError
-from planish.mesh import lattice_faces, without_crumbs
+from planish.mesh import grid_faces, without_small_components
 from planish.types import Bools, Camera, Floats, Mesh, Scan, freeze
 
 STEEPEST = 8.0
@@ -113,11 +113,11 @@ def joined(points: Floats, known: Bools, relative: Floats, step: float) -> tuple
     """
     index = np.full(known.shape, -1, np.int32)
     index[known] = np.arange(len(relative), dtype=np.int32)
-    faces = lattice_faces(index, relative, step)
+    faces = grid_faces(index, relative, step)
     if not len(faces):
         raise InputError(
             f"{known.sum():,} of {known.size:,} pixels have a depth, and no three neighbours make a surface; is "
             "the unit of the depth right, and the sheet in view?"
         )
-    used, faces = without_crumbs(faces, len(relative))
+    used, faces = without_small_components(faces, len(relative))
     return Mesh(points[known][used], faces), np.argwhere(known)[used][:, ::-1].astype(np.float64)

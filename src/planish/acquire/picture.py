@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planish.acquire.grid_mesh import Acquired
-from planish.mesh import point_normals, rasterise, stand_on_table
+from planish.mesh import onto_support_plane, point_normals, rasterize
 from planish.types import Bools, Floats, Mesh, Pixels
 
 ROWS, GAP = 900, 24
@@ -33,7 +33,7 @@ def picture(made: Acquired) -> NDArray[np.uint8]:
     """
     scan = made.scan
     assert scan.photo_xy is not None
-    standing = _top_away(scan.photo_xy, stand_on_table(scan.mesh)[0])
+    standing = _top_away(scan.photo_xy, onto_support_plane(scan.mesh)[0])
     shade = 0.35 + 0.75 * np.abs(point_normals(standing, scan.mesh.faces) @ LIGHT)
     values = np.column_stack([shade, made.confidence, scan.photo_xy])
     seen, drawn = _drawn(Mesh(standing, scan.mesh.faces), values)
@@ -63,7 +63,7 @@ def _drawn(mesh: Mesh, values: Floats) -> tuple[Bools, Floats]:
     scale = 0.94 * ROWS / max(np.ptp(up), 0.6 * np.ptp(right), 1e-9)
     cols = int(np.ptp(right) * scale) + GAP
     xy = np.column_stack([right - (right.max() + right.min()) / 2, (up.max() + up.min()) / 2 - up]) * scale
-    face, weight = rasterise(xy + [cols / 2, ROWS / 2], mesh.faces, (ROWS, cols), nearness=towards)
+    face, weight = rasterize(xy + [cols / 2, ROWS / 2], mesh.faces, (ROWS, cols), nearness=towards)
     seen = face >= 0
     corners, w = mesh.faces[face[seen]], weight[seen].astype(np.float64)
     shares = np.column_stack([1 - w.sum(axis=1), w])

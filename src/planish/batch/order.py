@@ -7,10 +7,10 @@ from dataclasses import asdict, dataclass, field, replace
 from hashlib import sha256
 from pathlib import Path
 
-from planish import __version__
 from planish.batch.items import Item
 from planish.job import Job, Outputs
 from planish.settings import BatchFiles, RestoreSettings
+from planish.version import __version__
 
 
 @dataclass(frozen=True, kw_only=True)

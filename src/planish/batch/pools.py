@@ -13,10 +13,10 @@ from math import isfinite
 from pathlib import Path
 from typing import Any, Protocol
 
-from planish import __version__
 from planish.batch.memory import available
 from planish.batch.task import Made, Task, attempt
 from planish.errors import InputError, MissingExtraError, OutputError, PlanishError
+from planish.version import __version__
 
 _AHEAD = 2
 """Tasks that a cluster is given per slot, so that none waits for us."""

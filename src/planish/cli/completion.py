@@ -30,7 +30,7 @@ def install_completion(
     """
     from cyclopts.completion.detect import ShellDetectionError, detect_shell
 
-    from planish.cli.main import app
+    from planish.cli.app import app
     from planish.errors import OutputError, UsageError
     from planish.io.files import write_bytes
 

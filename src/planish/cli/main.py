@@ -9,11 +9,11 @@ from concurrent.futures import ThreadPoolExecutor
 from types import FrameType
 from typing import NoReturn
 
-from cyclopts import App, CycloptsError
+from cyclopts import CycloptsError
 from rich.console import Console
 
-from planish import __version__
 from planish.cli import acquire, calibrate
+from planish.cli.app import app
 from planish.cli.batch import batch
 from planish.cli.completion import install_completion
 from planish.cli.demo import demo
@@ -32,17 +32,6 @@ INTERRUPTED, TERMINATED = 130, 143
 SCARCE = 300e6
 """Bytes; with fewer, libraries fail in ways of their own: they cannot be loaded, or start no thread."""
 
-app = App(
-    name="planish",
-    help="Flatten 3D-scanned warped documents: the page comes out flat, at its true size in millimetres.",
-    version=__version__,
-    version_flags=["--version"],
-    help_epilogue=(
-        "Exit codes: 0 done; 2 bad command line; 3 input cannot be used; 4 output cannot be written; 5 the sheet did "
-        "not settle (the result is still written); 6 an optional part is not installed; 130 interrupted; 143 "
-        "terminated."
-    ),
-)
 app.command(install_completion)
 app.command(demo)
 app.command(restore)

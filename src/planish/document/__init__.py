@@ -1,13 +1,13 @@
 """What is on a page: text lines and the way they run, two pages in a spread, ink, a sheet's outline in a photo."""
 
-from planish.document.orientation import SURE, skew_degrees, upright_turn
-from planish.document.page_split import find_spine, spine_of, split
+from planish.document.orientation import SURE, detect_orientation, skew_angle
+from planish.document.page_split import find_gutter, gutter_of_surface, split_pages
 
 __all__ = [
     "SURE",
-    "find_spine",
-    "skew_degrees",
-    "spine_of",
-    "split",
-    "upright_turn",
+    "detect_orientation",
+    "find_gutter",
+    "gutter_of_surface",
+    "skew_angle",
+    "split_pages",
 ]

@@ -42,7 +42,7 @@ TOO_LITTLE = 0.008
 Print in mixed case has 0.02 to 0.1."""
 
 
-def skew_degrees(page: Page) -> tuple[float, float]:
+def skew_angle(page: Page) -> tuple[float, float]:
     """Measure how far the lines of text run down to the right.
 
     Of all angles the one counts at which the ink summed along the lines changes most abruptly from line to gap: the
@@ -65,7 +65,7 @@ def skew_degrees(page: Page) -> tuple[float, float]:
     --------
     >>> rows, cols = np.mgrid[:600, :900]
     >>> words = ((rows - cols * np.tan(np.radians(1.5))) % 25 < 8) & (cols % 40 < 30)
-    >>> degrees, confidence = skew_degrees(Page(~words, np.ones(words.shape, bool), 150.0))
+    >>> degrees, confidence = skew_angle(Page(~words, np.ones(words.shape, bool), 150.0))
     >>> round(degrees, 1), confidence > 0.7
     (1.5, True)
     """
@@ -73,7 +73,7 @@ def skew_degrees(page: Page) -> tuple[float, float]:
     return (found.degrees, found.confidence) if found.confidence >= TEXT_LINES else (0.0, found.confidence)
 
 
-def upright_turn(page: Page, told: float = 0.0) -> tuple[int, float]:
+def detect_orientation(page: Page, told: float = 0.0) -> tuple[int, float]:
     """Tell by how much a page must be turned clockwise to stand upright.
 
     Lines of text give two of the four ways round. Of these two that is upright in which more ink rises above the
@@ -99,7 +99,7 @@ def upright_turn(page: Page, told: float = 0.0) -> tuple[int, float]:
     >>> from planish.gallery import typeset_page
     >>> page, _ = typeset_page(105, 148, dpi=150)
     >>> lying = Page(np.rot90(page.pixels), np.rot90(page.known), page.dpi)
-    >>> upright_turn(lying)[0]
+    >>> detect_orientation(lying)[0]
     90
     """
     ink = ink_of(page)
@@ -109,7 +109,7 @@ def upright_turn(page: Page, told: float = 0.0) -> tuple[int, float]:
     if lines.confidence < TEXT_LINES:
         return 0, 0.0
     sure_lines = 1 - other.contrast / lines.contrast
-    rise = _rise(lines) + (0.0 if lying else told)
+    rise = _ascender_score(lines) + (0.0 if lying else told)
     confidence = sure_lines * erf(abs(rise) / sqrt(2))
     if lying:
         return (90 if rise >= 0 else 270) if sure_lines > SURE else 0, confidence
@@ -183,7 +183,7 @@ def _profile(strips, down):  # type: ignore[no-untyped-def]
     return total
 
 
-def _rise(lines: _Lines) -> float:
+def _ascender_score(lines: _Lines) -> float:
     """How much more ink is above the small letters than below, in standard deviations."""
     per_column = max(1, round(COLUMN_MM / STRIP_MM))
     count = max(1, round(len(lines.strips) / per_column))

@@ -43,7 +43,7 @@ CROSSED = 0.005
 """Part of the page's height at which print may stand so; one line of text has 0.01."""
 
 
-def find_spine(mesh: Mesh, page_xy: Floats, size_mm: tuple[float, float]) -> Spine | None:
+def gutter_of_surface(mesh: Mesh, page_xy: Floats, size_mm: tuple[float, float]) -> Spine | None:
     """Look for the straight, sharp valley of a book's spine that runs down the middle of a flattened sheet.
 
     The normals of the paper left and right of every upright line are compared, band by band; a sum of the faces'
@@ -67,7 +67,7 @@ def find_spine(mesh: Mesh, page_xy: Floats, size_mm: tuple[float, float]) -> Spi
     >>> from planish.gallery import sheet, sheet_mesh
     >>> book = sheet("spread")
     >>> mesh, page_xy = sheet_mesh(book, points=20_000, layout="grid")
-    >>> found = find_spine(mesh, page_xy, (book.width_mm, book.height_mm))
+    >>> found = gutter_of_surface(mesh, page_xy, (book.width_mm, book.height_mm))
     >>> round(found.x_mm), found.turn_deg > 60
     (148, True)
     """
@@ -96,7 +96,7 @@ def find_spine(mesh: Mesh, page_xy: Floats, size_mm: tuple[float, float]) -> Spi
     return Spine(x_mm, float(usual[at]), "surface") if plain else None
 
 
-def spine_of(mesh: Mesh, page_xy: Floats, page: Page, *, certainly: bool) -> Spine | None:
+def find_gutter(mesh: Mesh, page_xy: Floats, page: Page, *, certainly: bool) -> Spine | None:
     """Find the spine of a drawn sheet, where it is two pages of a book.
 
     Parameters
@@ -117,7 +117,7 @@ def spine_of(mesh: Mesh, page_xy: Floats, page: Page, *, certainly: bool) -> Spi
         Moved by a little where letters touch it, so that a cut along it goes through none if that can be.
     """
     width, height = (n / page.dpi * 25.4 for n in page.known.shape[::-1])
-    found = find_spine(mesh, page_xy, (width, height))
+    found = gutter_of_surface(mesh, page_xy, (width, height))
     if found is None and not certainly:
         return None
     ink = ink_of(page)
@@ -159,13 +159,13 @@ def _beside_letters(ink: Ink, x_mm: float) -> float:
     return float(best / ink.px_per_mm) if a_letter else x_mm
 
 
-def split(page: Page, spine: Spine) -> tuple[Page, Page]:
+def split_pages(page: Page, spine: Spine) -> tuple[Page, Page]:
     """Cut a page along its spine: the left part and the right part, with every pixel in one of them.
 
     Examples
     --------
     >>> page = Page(np.zeros((20, 30), np.uint8), np.ones((20, 30), bool), dpi=25.4)
-    >>> [part.pixels.shape for part in split(page, Spine(14.0, 90.0, "surface"))]
+    >>> [part.pixels.shape for part in split_pages(page, Spine(14.0, 90.0, "surface"))]
     [(20, 14), (20, 16)]
     """
     cols = page.known.shape[1]

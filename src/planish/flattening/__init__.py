@@ -15,7 +15,7 @@ from planish.flattening.overlaps import overlaps
 from planish.flattening.quad_mesh import Lattice, lattice_springs, lay_lattice
 from planish.flattening.stick_solver import relax
 from planish.flattening.verlet import settle
-from planish.mesh import Topology, bounds, carry, local_order, renumbered, stand_on_table, subsample, topology
+from planish.mesh import Topology, bounds, local_order, onto_support_plane, prolongate, renumbered, subsample, topology
 from planish.settings import FlattenSettings
 from planish.sticks import make_sticks, strain
 from planish.types import Flattening, Floats, Mesh, Outcome, Sticks
@@ -90,7 +90,7 @@ def flatten(
         sticks = make_sticks(sheet, sheet_topo, lengths, eye=eye)
         solve = _by_verlet if s.method == "verlet" else _by_multigrid
         solved = solve(sheet, sheet_topo, sticks, s, progress)
-    flat = solved.xy if coarse is None else carry(coarse, mesh.points, solved.xy)
+    flat = solved.xy if coarse is None else prolongate(coarse, mesh.points, solved.xy)
     (left, low), (right, top) = bounds(flat)
     page_xy = np.column_stack([flat[:, 0] - left, top - flat[:, 1]])  # y runs down on the page
     seconds = perf_counter() - start
@@ -132,7 +132,7 @@ def _by_multigrid(
 def _by_verlet(
     mesh: Mesh, topo: Topology, sticks: Sticks, settings: FlattenSettings, progress: Progress | None
 ) -> Solved:
-    standing = Mesh(stand_on_table(mesh)[0], mesh.faces)
+    standing = Mesh(onto_support_plane(mesh)[0], mesh.faces)
     done = settle(standing, sticks, settings.verlet, progress)
     passed = int(done.passed.sum())
     through = (
@@ -152,7 +152,7 @@ def _by_verlet(
 
 def _by_mass_spring(lattice: Lattice, springs: Sticks, settings: FlattenSettings, progress: Progress | None) -> Solved:
     mesh = lattice.coarse.mesh
-    done = drop(Mesh(stand_on_table(mesh)[0], mesh.faces), springs, settings.mass_spring, progress)
+    done = drop(Mesh(onto_support_plane(mesh)[0], mesh.faces), springs, settings.mass_spring, progress)
     hidden = (
         f"{lattice.overhang:.1%} of the sheet faces the table: the regular mesh of mass-spring, laid over it from "
         "above, does not show that nor what lies below, so the page is wrong there; the other methods flatten it"

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from planish.mesh import Topology
 from planish.mesh.adjacency import faces_around
-from planish.parallel import Crew
+from planish.parallel import ParallelFor
 from planish.types import Floats, Ints
 
 RADIUS = 26
@@ -52,7 +52,9 @@ class Clusters(NamedTuple):
     place: NDArray[np.complex128]
 
 
-def lay_out_clusters(faces: Ints, topology: Topology, edge_rest: Floats, point_count: int, run: Crew) -> Clusters:
+def lay_out_clusters(
+    faces: Ints, topology: Topology, edge_rest: Floats, point_count: int, parallel_for: ParallelFor
+) -> Clusters:
     """Cut a mesh into clusters and lay each one into a plane of its own.
 
     Parameters
@@ -61,7 +63,7 @@ def lay_out_clusters(faces: Ints, topology: Topology, edge_rest: Floats, point_c
     topology : Topology
     edge_rest : (e,) float64 [mm]
     point_count : int
-    run : Crew
+    parallel_for : Crew
     """
     passable = _passable(topology.face_edges, edge_rest)
     label, hops, base, count = _grow(topology.face_edges, topology.edge_faces, edge_rest, passable, RADIUS)
@@ -70,8 +72,10 @@ def lay_out_clusters(faces: Ints, topology: Topology, edge_rest: Floats, point_c
     place = np.zeros((len(cluster), 2))
     weight = np.zeros(len(cluster))
     corners = np.empty_like(faces)
-    run(_find_copies, len(faces), faces, label, start, cluster, corners)
-    run(_place_clusters, count, row, order, corners, base, topology.face_edges, edge_rest, place, weight, block=64)
+    parallel_for(_find_copies, len(faces), faces, label, start, cluster, corners)
+    parallel_for(
+        _place_clusters, count, row, order, corners, base, topology.face_edges, edge_rest, place, weight, block=64
+    )
     _centre(cluster, place, count)
     return Clusters(count, start, cluster, place.view(np.complex128)[:, 0])
 

@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from planish.parallel import Crew
+from planish.parallel import ParallelFor
 from planish.types import Floats, Ints, Sticks
 
 SLABS = 16
@@ -43,36 +43,36 @@ class Net(NamedTuple):
     row: NDArray[np.int64]
 
 
-def make_net(sticks: Sticks, run: Crew) -> Net:
+def make_net(sticks: Sticks, parallel_for: ParallelFor) -> Net:
     """Cut sticks, in the order of their points, into slabs."""
     share = np.arange(SLABS + 1)
     bends = len(sticks.rest) - sticks.edges
     begin = np.stack([share * sticks.edges // SLABS, sticks.edges + share * bends // SLABS], axis=1).astype(np.int64)
     reach = np.zeros((SLABS, 2), np.int64)
-    run(_find_reach, SLABS, sticks.pairs, begin, reach, block=1)
+    parallel_for(_find_reach, SLABS, sticks.pairs, begin, reach, block=1)
     row = np.concatenate([np.zeros(1, np.int64), np.cumsum(reach[:, 1] - reach[:, 0])])
     return Net(sticks.pairs, sticks.rest, sticks.weight, begin, reach, row)
 
 
-def energy(net: Net, xy: Floats, run: Crew) -> tuple[float, Floats]:
+def energy(net: Net, xy: Floats, parallel_for: ParallelFor) -> tuple[float, Floats]:
     """Energy of the sticks, and its gradient (n, 2)."""
     gradient = np.empty_like(xy)
     forces = np.empty((net.row[-1], 2))
     parts = np.empty(SLABS)
-    run(_slab_energy, SLABS, net, xy, forces, parts, block=1)
-    run(_sum_slabs, len(xy), net.reach, net.row, forces, gradient)
+    parallel_for(_slab_energy, SLABS, net, xy, forces, parts, block=1)
+    parallel_for(_sum_slabs, len(xy), net.reach, net.row, forces, gradient)
     return float(parts.sum()), gradient
 
 
-def stiffness(net: Net, xy: Floats, run: Crew) -> Floats:
+def stiffness(net: Net, xy: Floats, parallel_for: ParallelFor) -> Floats:
     """(n, 4) for each point the sums over its sticks of w u u^T, as xx, xy and yy, and of w r^2 / 2.
 
     The first is the point's own block of the Gauss-Newton Hessian, u being the stick's direction.
     """
     total = np.empty((len(xy), 4))
     parts = np.empty((net.row[-1], 4))
-    run(_slab_stiffness, SLABS, net, xy, parts, block=1)
-    run(_sum_slabs, len(xy), net.reach, net.row, parts, total)
+    parallel_for(_slab_stiffness, SLABS, net, xy, parts, block=1)
+    parallel_for(_sum_slabs, len(xy), net.reach, net.row, parts, total)
     return total
 
 

@@ -11,11 +11,13 @@ from dataclasses import replace
 from planish.flattening.cluster_alignment import gather, join
 from planish.flattening.clusters import lay_out_clusters
 from planish.mesh import Topology
-from planish.parallel import Crew
+from planish.parallel import ParallelFor
 from planish.types import Bools, Floats, Ints
 
 
-def lay_out(faces: Ints, topology: Topology, edge_rest: Floats, point_count: int, run: Crew) -> tuple[Floats, Ints]:
+def lay_out(
+    faces: Ints, topology: Topology, edge_rest: Floats, point_count: int, parallel_for: ParallelFor
+) -> tuple[Floats, Ints]:
     """Lay a mesh flat, nearly: exactly where its lengths are those of a flat sheet.
 
     Parameters
@@ -26,7 +28,7 @@ def lay_out(faces: Ints, topology: Topology, edge_rest: Floats, point_count: int
     edge_rest : (e,) float64 [mm]
         Length of each edge.
     point_count : int
-    run : Crew
+    parallel_for : Crew
 
     Returns
     -------
@@ -40,17 +42,17 @@ def lay_out(faces: Ints, topology: Topology, edge_rest: Floats, point_count: int
     Four triangles around a point, each with a right angle there: a square.
 
     >>> import numpy as np
-    >>> from planish.parallel import crew
+    >>> from planish.parallel import thread_pool
     >>> from planish.mesh import topology
     >>> faces = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 1]], np.int32)
     >>> found = topology(faces, 5)
     >>> rest = np.where(found.edges[:, 0] == 0, 1.0, np.sqrt(2))
-    >>> with crew() as run:
-    ...     xy, piece = lay_out(faces, found, rest, 5, run)
+    >>> with thread_pool() as parallel_for:
+    ...     xy, piece = lay_out(faces, found, rest, 5, parallel_for)
     >>> np.linalg.norm(xy[1] - xy[3]).round(12), piece.tolist()
     (np.float64(2.0), [0, 0, 0, 0, 0])
     """
-    clusters = lay_out_clusters(faces, topology, edge_rest, point_count, run)
+    clusters = lay_out_clusters(faces, topology, edge_rest, point_count, parallel_for)
     rho, tau, piece = join(clusters)
     return gather(clusters, rho, tau), piece[clusters.cluster[clusters.start[:-1]]]
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from planish.flattening.energy import Net, energy
 from planish.flattening.multigrid_preconditioner import Preconditioner, precondition
-from planish.parallel import BLOCK, Crew
+from planish.parallel import BLOCK, ParallelFor
 from planish.types import Floats, Outcome
 
 MEMORY = 4
@@ -36,7 +36,7 @@ def minimise(
     *,
     max_steps: int,
     still_mm: float,
-    run: Crew,
+    parallel_for: ParallelFor,
     progress: Callable[[float], None] | None = None,
 ) -> tuple[Floats, Outcome, Floats]:
     """Bring sticks to rest.
@@ -53,7 +53,7 @@ def minimise(
     max_steps : int
     still_mm : float
         The sheet is at rest when the next step would move its points by no more than this, rms.
-    run : Crew
+    parallel_for : Crew
     progress : callable, optional
         Told the share of the way that is done, before each step.
 
@@ -66,18 +66,18 @@ def minimise(
         Root mean square relative error of the sticks, weighted by their lengths squared, before and after each step.
     """
     history: History = []
-    value, gradient = energy(net, xy, run)
+    value, gradient = energy(net, xy, parallel_for)
     values, lengths = [value], []
     outcome = Outcome.OUT_OF_STEPS
     while len(values) <= max_steps:
-        step = _next_step(gradient, history, preconditioner, run)
-        lengths.append(np.sqrt(_dot(step, step, run) / len(xy)))
+        step = _next_step(gradient, history, preconditioner, parallel_for)
+        lengths.append(np.sqrt(_dot(step, step, parallel_for) / len(xy)))
         if not lengths[-1] > still_mm:
             outcome = Outcome.SETTLED
             break
         if progress is not None:
             progress(_share_done(lengths, still_mm))
-        share, new_value, new_gradient = _search(net, xy, value, gradient, step, run)
+        share, new_value, new_gradient = _search(net, xy, value, gradient, step, parallel_for)
         if share == 0.0 and not history:  # nothing lower can be told apart: the minimum, to the last digit
             outcome = Outcome.SETTLED
             break
@@ -87,7 +87,7 @@ def minimise(
         if len(values) > SPAN and values[-SPAN] - new_value <= LEVEL * new_value:
             outcome = Outcome.SETTLED
             break
-        history = _remember(history, share * step, new_gradient - gradient, run)
+        history = _remember(history, share * step, new_gradient - gradient, parallel_for)
         xy, value, gradient = xy + share * step, new_value, new_gradient
         values.append(value)
     square = max(float(np.sum(net.weight * net.rest * net.rest)), 1e-300)
@@ -99,49 +99,49 @@ def _share_done(lengths: list[float], still: float) -> float:
     return float(np.clip(np.log(lengths[0] / min(lengths)) / np.log(max(lengths[0] / still, 1.01)), 0.0, 1.0))
 
 
-def _next_step(gradient: Floats, history: History, preconditioner: Preconditioner, run: Crew) -> Floats:
+def _next_step(gradient: Floats, history: History, preconditioner: Preconditioner, parallel_for: ParallelFor) -> Floats:
     """The two loops of L-BFGS (Nocedal & Wright, Numerical Optimization, algorithm 7.4)."""
     q = -gradient
     alphas = []
     for taken, change, product in reversed(history):
-        alphas.append(_dot(taken, q, run) / product)
-        _add(q, -alphas[-1], change, run)
-    r = precondition(preconditioner, q, run)
+        alphas.append(_dot(taken, q, parallel_for) / product)
+        _add(q, -alphas[-1], change, parallel_for)
+    r = precondition(preconditioner, q, parallel_for)
     for (taken, change, product), alpha in zip(history, reversed(alphas), strict=True):
-        _add(r, alpha - _dot(change, r, run) / product, taken, run)
+        _add(r, alpha - _dot(change, r, parallel_for) / product, taken, parallel_for)
     return r
 
 
 def _search(
-    net: Net, xy: Floats, value: float, gradient: Floats, step: Floats, run: Crew
+    net: Net, xy: Floats, value: float, gradient: Floats, step: Floats, parallel_for: ParallelFor
 ) -> tuple[float, float, Floats]:
     """The greatest of 1, 1/2, 1/4 ... of a step that lowers the energy as its slope promises; 0 where none does."""
-    slope = _dot(step, gradient, run)
+    slope = _dot(step, gradient, parallel_for)
     share = 1.0
     while share >= SHORTEST and slope < 0.0:
-        new_value, new_gradient = energy(net, xy + share * step, run)
+        new_value, new_gradient = energy(net, xy + share * step, parallel_for)
         if new_value <= value + ARMIJO * share * slope:
             return share, new_value, new_gradient
         share *= 0.5
     return 0.0, value, gradient
 
 
-def _remember(history: History, taken: Floats, change: Floats, run: Crew) -> History:
-    product = _dot(taken, change, run)
+def _remember(history: History, taken: Floats, change: Floats, parallel_for: ParallelFor) -> History:
+    product = _dot(taken, change, parallel_for)
     if not product > 0.0:
         return history
     return [*history[1 - MEMORY :], (taken.astype(np.float32), change.astype(np.float32), product)]
 
 
-def _dot(a: Floats | Float32s, b: Floats | Float32s, run: Crew) -> float:
+def _dot(a: Floats | Float32s, b: Floats | Float32s, parallel_for: ParallelFor) -> float:
     """Summed block by block, so that it does not depend on the number of threads."""
     parts = np.empty(len(a) // BLOCK + 1)
-    run(_dot_block, len(a), a, b, parts)
+    parallel_for(_dot_block, len(a), a, b, parts)
     return float(parts[: -(-len(a) // BLOCK)].sum())
 
 
-def _add(a: Floats, factor: float, b: Float32s, run: Crew) -> None:
-    run(_add_block, len(a), a, factor, b)
+def _add(a: Floats, factor: float, b: Float32s, parallel_for: ParallelFor) -> None:
+    parallel_for(_add_block, len(a), a, factor, b)
 
 
 @njit(cache=True, nogil=True)

@@ -25,7 +25,7 @@ from planish.flattening.energy import Net, stiffness
 from planish.flattening.lengths import median_edge
 from planish.flattening.patches import Patches, make_patches, solve_patches
 from planish.mesh import bounds
-from planish.parallel import Crew
+from planish.parallel import ParallelFor
 from planish.types import Floats, Ints
 
 Float32s = NDArray[np.float32]
@@ -75,17 +75,17 @@ class Preconditioner(NamedTuple):
     patches: Patches
 
 
-def make_preconditioner(net: Net, edges: int, xy: Floats, run: Crew) -> Preconditioner:
+def make_preconditioner(net: Net, edges: int, xy: Floats, parallel_for: ParallelFor) -> Preconditioner:
     """Build the preconditioner for sticks that lie as they do in `xy`, of which the first `edges` are edges."""
     low, high = bounds(xy)
     size = high - low
     side = _side(CELL * median_edge(net.rest[:edges]), size, len(xy))
     cols, rows = (size / side).astype(int) + 1
     node, share = np.empty(len(xy), np.int32), np.empty((len(xy), 2), np.float32)
-    run(_locate, len(xy), xy, low, side, cols, node, share)
-    own = stiffness(net, xy, run)
+    parallel_for(_locate, len(xy), xy, low, side, cols, node, share)
+    own = stiffness(net, xy, parallel_for)
     block = np.empty((len(xy), 3), np.float32)
-    run(_invert, len(xy), own, block)
+    parallel_for(_invert, len(xy), own, block)
     mass = own[:, 3] / OVERLAP
     kappa = [_spread(node, mass / side**2, rows, cols)]
     while np.count_nonzero(kappa[-1]) > FEW:
@@ -94,7 +94,7 @@ def make_preconditioner(net: Net, edges: int, xy: Floats, run: Crew) -> Precondi
     return Preconditioner(node, share, block, tuple(kappa), patches)
 
 
-def precondition(p: Preconditioner, force: Floats, run: Crew) -> Floats:
+def precondition(p: Preconditioner, force: Floats, parallel_for: ParallelFor) -> Floats:
     """(n, 2) step that a force on each point asks for; a symmetric and positive definite map.
 
     The sum of three: what each point's own block asks for, what the fine grids do, what the patches do.
@@ -105,7 +105,7 @@ def precondition(p: Preconditioner, force: Floats, run: Crew) -> Floats:
     wave = _cycle(p.kappa, load)
     broad = solve_patches(p.patches, force)
     q = p.patches
-    run(_prolong, len(force), p.node, p.share, p.block, wave, q.patch, q.share, q.corner, broad, force, step)
+    parallel_for(_prolong, len(force), p.node, p.share, p.block, wave, q.patch, q.share, q.corner, broad, force, step)
     return step
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from planish.errors import InputError
 from planish.flattening.frame import to_page_frame
 from planish.geometry.distances import distances
-from planish.mesh import Coarse, area_vectors, rasterise, stand_on_table
+from planish.mesh import Coarse, area_vectors, onto_support_plane, rasterize
 from planish.settings import Lengths
 from planish.types import Bools, Floats, Ints, Mesh, Sticks
 
@@ -69,7 +69,7 @@ def lay_lattice(mesh: Mesh, count: int) -> Lattice:
     InputError
         Where no part of the sheet is as wide as a cell.
     """
-    standing = stand_on_table(mesh)[0]
+    standing = onto_support_plane(mesh)[0]
     view, size = to_page_frame(standing[:, :2], np.zeros(2), long_side_upright=False)
     sides = np.maximum(size, max(size) / 1000)
     upward, overhang = _areas(standing, mesh.faces)
@@ -77,7 +77,7 @@ def lay_lattice(mesh: Mesh, count: int) -> Lattice:
     inset = np.minimum(INSET * np.sqrt(2 * upward / len(mesh.faces)) * cells / sides, 0.25)
     pixel_xy = SUBSTEPS * ((view / sides - 0.5) * (cells + 2 * inset) + 0.5 * cells)
     cols, rows = cells * SUBSTEPS + 1
-    face, weights = rasterise(pixel_xy, mesh.faces, (rows, cols), nearness=standing[:, 2])
+    face, weights = rasterize(pixel_xy, mesh.faces, (rows, cols), nearness=standing[:, 2])
     share = np.concatenate([1 - weights.sum(axis=2, keepdims=True), weights], axis=2)
     height = np.where(face >= 0, (share * standing[mesh.faces[face], 2]).sum(axis=2), np.nan)
     across, lacking_x = _along(height[::SUBSTEPS], sides[0] / cells[0])

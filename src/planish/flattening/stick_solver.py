@@ -16,7 +16,7 @@ from planish.flattening.overlaps import overlaps
 from planish.flattening.pieces import as_seen, bring_together, lay_apart, number_pieces
 from planish.flattening.untangle import untangle
 from planish.mesh import Topology
-from planish.parallel import Crew, crew
+from planish.parallel import ParallelFor, thread_pool
 from planish.settings import MultigridSettings
 from planish.types import Floats, Ints, Mesh, Outcome, Sticks
 
@@ -98,15 +98,17 @@ def relax(
     rest = sticks.rest[: sticks.edges]
     edge = median_edge(rest)
     side = edge * float(np.sqrt(len(mesh.points)))
-    with crew() as run:
+    with thread_pool() as parallel_for:
         faces, found = as_they_lie(mesh.faces, topology, sticks.turned)
-        xy, piece = lay_out(faces, found, rest, len(mesh.points), run)
+        xy, piece = lay_out(faces, found, rest, len(mesh.points), parallel_for)
         xy, _ = untangle(xy, faces, found, rest)  # sticks can hold a flipped face down for a hundred steps
         tell(0.3)
         piece, count = number_pieces(piece)
         if count > 1:
             xy = lay_apart(xy, piece, count, APART * side)
-        xy, outcome, residuals = _bring_to_rest(xy, sticks, s, side, run, lambda share: tell(0.3 + 0.65 * share))
+        xy, outcome, residuals = _bring_to_rest(
+            xy, sticks, s, side, parallel_for, lambda share: tell(0.3 + 0.65 * share)
+        )
     xy = as_seen(mesh.points, mesh.faces, xy, piece, count)
     warnings: list[str] = []
     if count > 1:
@@ -132,12 +134,25 @@ _APART = "{:,} pieces of the sheet lie apart on the page, as nothing shows plain
 
 
 def _bring_to_rest(
-    xy: Floats, sticks: Sticks, settings: MultigridSettings, side: float, run: Crew, progress: Callable[[float], None]
+    xy: Floats,
+    sticks: Sticks,
+    settings: MultigridSettings,
+    side: float,
+    parallel_for: ParallelFor,
+    progress: Callable[[float], None],
 ) -> tuple[Floats, Outcome, Floats]:
-    net = make_net(sticks, run)
-    preconditioner = make_preconditioner(net, sticks.edges, xy, run)
+    net = make_net(sticks, parallel_for)
+    preconditioner = make_preconditioner(net, sticks.edges, xy, parallel_for)
     still = settings.tolerance * side * np.clip(len(xy), FEW, MANY) / MANY
-    return minimise(net, xy, preconditioner, max_steps=settings.max_steps, still_mm=still, run=run, progress=progress)
+    return minimise(
+        net,
+        xy,
+        preconditioner,
+        max_steps=settings.max_steps,
+        still_mm=still,
+        parallel_for=parallel_for,
+        progress=progress,
+    )
 
 
 def _place(

@@ -18,7 +18,7 @@ from planish.gallery.sight import fine_mesh
 from planish.gallery.typeset import typeset_sheet
 from planish.gallery.view import View, binned, device, lit, reflectance, view, zoomed
 from planish.geometry import depths, project
-from planish.parallel import crew
+from planish.parallel import thread_pool
 from planish.types import Camera, Floats, Page, Pixels
 
 LENS = (-0.12, 0.10, 0.0006, -0.0004)
@@ -192,8 +192,10 @@ def structured_light(
 
     def exposed(pattern: NDArray[np.uint8], sent: NDArray[np.float32]) -> NDArray[np.uint8]:
         levels = np.zeros(camera.shape_rc, np.float32)
-        with crew() as run:
-            run(_expose, len(levels), pattern, at, light, np.float32(AMBIENT * exposure), sent, levels, block=64)
+        with thread_pool() as parallel_for:
+            parallel_for(
+                _expose, len(levels), pattern, at, light, np.float32(AMBIENT * exposure), sent, levels, block=64
+            )
         levels = 255 * ndimage.gaussian_filter(levels, BLUR_PX)
         levels += np.float32(noise) * rng.standard_normal(levels.shape, np.float32)
         return np.clip(np.rint(levels), 0, 255).astype(np.uint8)

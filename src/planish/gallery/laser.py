@@ -20,7 +20,7 @@ from planish.gallery.scanner import overhead_camera
 from planish.gallery.sheets import Sheet, normals
 from planish.gallery.sight import FineMesh, covered, fine_mesh, interpolated, pixels_of, put_right
 from planish.gallery.typeset import typeset_sheet
-from planish.parallel import crew
+from planish.parallel import thread_pool
 from planish.types import Camera, Floats, Page
 
 MIRROR_MM = (-380.0, 0.0, 420.0)
@@ -213,8 +213,8 @@ def _photographed(
         pattern = 1 + speckle * noise.standard_normal((64, 64), np.float32)
         colour = (strength * LASER_COLOUR).astype(np.float32)
         given = scene.points, scene.room, scene.echo, lit, 1 / (2 * line_mm**2), colour, pattern
-        with crew() as run:
-            run(_expose, len(light), *given, int(noise.integers(2**30)), light, block=64)
+        with thread_pool() as parallel_for:
+            parallel_for(_expose, len(light), *given, int(noise.integers(2**30)), light, block=64)
         code = code_values(np.dtype(np.uint16))[(np.clip(light, 0, 1) * 65535 + 0.5).astype(np.uint16)]
         levels = code / np.float32(257) + np.float32(grain) * noise.standard_normal(light.shape, np.float32)
         return np.clip(np.rint(levels), 0, 255).astype(np.uint8)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planish.mesh import rasterise
+from planish.mesh import rasterize
 from planish.types import Floats, Ints
 
 SHADOW_PX = 1200
@@ -71,7 +71,7 @@ def visibility(light: Light, points: Floats, normals: Floats, faces: Ints) -> Fl
     flat = way[:, :2] / depth[:, None]
     low = flat.min(axis=0)
     pixel_xy = (flat - low) * (SHADOW_PX - 1) / np.ptp(flat, axis=0).max()
-    face, weights = rasterise(pixel_xy, faces, (SHADOW_PX, SHADOW_PX), nearness=1 / depth, perspective=True)
+    face, weights = rasterize(pixel_xy, faces, (SHADOW_PX, SHADOW_PX), nearness=1 / depth, perspective=True)
     corner = depth[faces[face]]
     drawn = corner[..., 0] * (1 - weights.sum(axis=2)) + (corner[..., 1:] * weights).sum(axis=2)
     drawn[face < 0] = np.inf

@@ -12,7 +12,7 @@ from scipy import spatial
 from planish.errors import UsageError
 from planish.gallery.noise import Noise, noise_at
 from planish.gallery.sheets import Sheet
-from planish.mesh import lattice_faces, without_crumbs
+from planish.mesh import grid_faces, without_small_components
 from planish.types import Bools, Floats, Ints, Mesh
 
 Layout = Literal["range", "grid", "delaunay"]
@@ -96,7 +96,7 @@ def sheet_mesh(
         keep &= inside(page_xy / size)[faces].all(axis=1) & inside(page_xy[faces].mean(axis=1) / size)
     for cut in cuts:
         keep &= ~_crossed(page_xy[faces], np.asarray(cut, np.float64))
-    used, faces = without_crumbs(faces[keep], len(page_xy))
+    used, faces = without_small_components(faces[keep], len(page_xy))
     page_xy, lattice_rc = page_xy[used], lattice_rc[used]
 
     place = sheet.bend(page_xy)
@@ -118,7 +118,7 @@ def _range_layout(sheet: Sheet, points: int, rng: np.random.Generator) -> tuple[
     inside = ((page_xy >= 0) & (page_xy <= size)).all(axis=-1)
     index = np.where(inside, np.cumsum(inside).reshape(inside.shape) - 1, -1).astype(np.int32)
     page_xy = page_xy[inside]
-    return page_xy, lattice_faces(index, sheet.bend(page_xy)), np.argwhere(inside)
+    return page_xy, grid_faces(index, sheet.bend(page_xy)), np.argwhere(inside)
 
 
 def _grid_layout(sheet: Sheet, points: int, rng: np.random.Generator) -> tuple[Floats, Ints, NDArray[np.int64]]:
@@ -127,7 +127,7 @@ def _grid_layout(sheet: Sheet, points: int, rng: np.random.Generator) -> tuple[F
     x, y = np.meshgrid(np.linspace(0, sheet.width_mm, cols), np.linspace(0, sheet.height_mm, rows))
     page_xy = np.stack([x.ravel(), y.ravel()], axis=1)
     index = np.arange(rows * cols, dtype=np.int32).reshape(rows, cols)
-    return page_xy, lattice_faces(index, sheet.bend(page_xy)), np.argwhere(np.ones((rows, cols)))
+    return page_xy, grid_faces(index, sheet.bend(page_xy)), np.argwhere(np.ones((rows, cols)))
 
 
 def _delaunay_layout(sheet: Sheet, points: int, rng: np.random.Generator) -> tuple[Floats, Ints, NDArray[np.int64]]:

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from planish.gallery.light import Light, irradiance, visibility
 from planish.gallery.sheets import Sheet, normals
 from planish.gallery.sight import FineMesh, facing, interpolated, page_per_pixel, pixels_of, project, put_right
-from planish.mesh import rasterise
-from planish.parallel import crew
+from planish.mesh import rasterize
+from planish.parallel import thread_pool
 from planish.types import Bools, Camera, Floats, Ints, Page
 
 PAPER = np.array([1.0, 0.985, 0.94])
@@ -64,7 +64,7 @@ def photograph(
     table_points, table_faces = _table(camera, len(mesh.points))
     points, faces = np.concatenate([mesh.points, table_points]), np.concatenate([mesh.faces, table_faces])
     pixel_xy, depth = project(camera, points)
-    face, weights = rasterise(pixel_xy, faces, camera.shape_rc, nearness=1 / depth, perspective=True)
+    face, weights = rasterize(pixel_xy, faces, camera.shape_rc, nearness=1 / depth, perspective=True)
     front = facing(pixel_xy, mesh.faces)
     places = interpolated(face, weights, mesh.faces, mesh.page_xy)
     upward = normals(sheet, mesh.page_xy)
@@ -81,8 +81,8 @@ def photograph(
         bottom = min(top + BAND, len(photo))
         linear = np.zeros((bottom - top, face.shape[1], 3), np.float32)
         scene = face, places, bright, front, slopes, print_, reflect, page.dpi / 25.4, size
-        with crew() as run:
-            run(_expose, bottom - top, top, *scene, linear, block=64)
+        with thread_pool() as parallel_for:
+            parallel_for(_expose, bottom - top, top, *scene, linear, block=64)
         levels = 255 * np.clip(linear, 0, 1) ** np.float32(1 / light.gamma)
         levels += np.float32(grain) * rng.standard_normal(levels.shape, np.float32)
         photo[top:bottom] = np.clip(np.rint(levels), 0, 255)

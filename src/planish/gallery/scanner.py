@@ -14,7 +14,7 @@ from planish.gallery.photograph import photograph
 from planish.gallery.sheets import Sheet
 from planish.gallery.sight import FineMesh, covered, fine_mesh, interpolated, project, put_right
 from planish.gallery.typeset import typeset_sheet
-from planish.mesh import lattice_faces, without_crumbs
+from planish.mesh import grid_faces, without_small_components
 from planish.types import Camera, Floats, Ints, Mesh, Page, Scan
 
 DISTANCE_MM = 650.0
@@ -186,7 +186,7 @@ def _range_image(
 
     in_camera = cloud @ camera.rotation.T + camera.translation
     pixel_mm = in_camera[:, 2].mean() / (camera.matrix[0, 0] * zoom)
-    used, faces = without_crumbs(lattice_faces(index, in_camera, STEEPEST * pixel_mm), len(cloud))
+    used, faces = without_small_components(grid_faces(index, in_camera, STEEPEST * pixel_mm), len(cloud))
     return cloud[used], faces, page_xy[used]
 
 

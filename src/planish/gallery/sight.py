@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from planish.gallery.sheets import Sheet
 from planish.geometry import depths
 from planish.geometry import project as at_pixels
-from planish.mesh import rasterise
-from planish.parallel import crew
+from planish.mesh import rasterize
+from planish.parallel import thread_pool
 from planish.types import Bools, Camera, Floats, Ints
 
 NEWTON_STEPS = 4
@@ -92,9 +92,9 @@ def project(camera: Camera, points: Floats, zoom: float = 1.0) -> tuple[Floats, 
 
 
 def covered(mesh: FineMesh, camera: Camera, shape_rc: tuple[int, int], zoom: float) -> tuple[Ints, NDArray[np.float32]]:
-    """Draw the printed side: face and weights of each pixel as from `rasterise`; -1 also where the back is seen."""
+    """Draw the printed side: face and weights of each pixel as from `rasterize`; -1 also where the back is seen."""
     pixel_xy, depth = project(camera, mesh.points, zoom)
-    face, weights = rasterise(pixel_xy, mesh.faces, shape_rc, nearness=1 / depth, perspective=True)
+    face, weights = rasterize(pixel_xy, mesh.faces, shape_rc, nearness=1 / depth, perspective=True)
     front = np.append(facing(pixel_xy, mesh.faces), False)  # the last stands for no face
     return np.where(front[face], face, np.int32(-1)), weights
 
@@ -168,8 +168,8 @@ def page_per_pixel(pixel_xy: Floats, page_xy: Floats, faces: Ints) -> Floats:
 def interpolated(face: Ints, weights: NDArray[np.float32], faces: Ints, values: Floats) -> Floats:
     """Carry values (n, d) at the points of a mesh to pixels: (rows, cols, d), NaN where none of `faces` is seen."""
     result = np.full((*face.shape, values.shape[1]), np.nan)
-    with crew() as run:
-        run(_interpolate, len(face), face, weights, faces, values, result, block=64)
+    with thread_pool() as parallel_for:
+        parallel_for(_interpolate, len(face), face, weights, faces, values, result, block=64)
     return result
 
 

@@ -12,7 +12,7 @@ from planish.gallery.photograph import INK, PAPER, TABLE
 from planish.gallery.sheets import Sheet, normals
 from planish.gallery.sight import FineMesh, facing, fine_mesh, interpolated, pixels_of, project, put_right
 from planish.geometry import depths
-from planish.mesh import rasterise
+from planish.mesh import rasterize
 from planish.types import Bools, Camera, Floats, Ints, Page
 
 TABLE_MM = 800.0
@@ -91,7 +91,7 @@ def view(sheet: Sheet, camera: Camera) -> View:
     """Find what every pixel of a camera sees; on the sheet to a thousandth of a pixel, lens distortion and all."""
     mesh, points, faces = _scene(sheet)
     pixel_xy, depth = project(camera, points)
-    face, weights = rasterise(pixel_xy, faces, camera.shape_rc, nearness=1 / depth, perspective=True)
+    face, weights = rasterize(pixel_xy, faces, camera.shape_rc, nearness=1 / depth, perspective=True)
     front = facing(pixel_xy, mesh.faces)
     places = interpolated(face, weights, mesh.faces, mesh.page_xy)
     bent = pixels_of(face, mesh.sagitta_mm > FLAT_MM)
@@ -125,7 +125,7 @@ def lit(sheet: Sheet, lamp: Camera, points: Floats, lamp_xy: NDArray[np.float32]
     """
     _, scene, faces = _scene(sheet)
     pixel_xy, depth = project(lamp, scene)
-    face, weights = rasterise(pixel_xy, faces, lamp.shape_rc, nearness=1 / depth, perspective=True)
+    face, weights = rasterize(pixel_xy, faces, lamp.shape_rc, nearness=1 / depth, perspective=True)
     drawn = interpolated(face, weights, faces, depth[:, None])[..., 0]
     farthest = ndimage.maximum_filter(np.nan_to_num(drawn, nan=np.inf), 3)
     flat = points.reshape(-1, 3)

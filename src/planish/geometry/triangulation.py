@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numba import njit
 
-from planish.parallel import crew
+from planish.parallel import thread_pool
 from planish.types import Camera, Floats
 
 CLOSE_PX = 1e-8
@@ -63,8 +63,8 @@ def _without_lens(camera: Camera, xy: Floats) -> Floats:
     if not np.any(camera.distortion[5:]):
         lens = np.zeros(5)
         lens[: min(5, len(camera.distortion))] = camera.distortion[:5]
-        with crew() as run:
-            run(_take_lens_off, len(flat), lens, CLOSE_PX / m[0, 0], flat)
+        with thread_pool() as parallel_for:
+            parallel_for(_take_lens_off, len(flat), lens, CLOSE_PX / m[0, 0], flat)
         return flat
     target = xy[known]
     place = np.asarray(cv2.undistortPoints(target[:, None], m, camera.distortion), np.float64).reshape(-1, 2)

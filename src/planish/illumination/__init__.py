@@ -1,5 +1,5 @@
 """Shade taken off the page: the light found from the sheet's shape and divided out."""
 
-from planish.illumination.remove_shading import ShadingFit, Unshaded, unshade
+from planish.illumination.remove_shading import EvenlyLit, ShadingFit, remove_shading
 
-__all__ = ["ShadingFit", "Unshaded", "unshade"]
+__all__ = ["EvenlyLit", "ShadingFit", "remove_shading"]

@@ -11,7 +11,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from planish.color import LUMINANCE, linear_light
-from planish.parallel import crew
+from planish.parallel import thread_pool
 from planish.types import Bools, Page
 
 Field = NDArray[Any]
@@ -60,7 +60,7 @@ class Cells:
         return np.asarray(self.light @ LUMINANCE)
 
 
-def cut(page: Page) -> Cells:
+def cell_statistics(page: Page) -> Cells:
     """Cut a page into cells and measure each.
 
     Parameters
@@ -77,8 +77,10 @@ def cut(page: Page) -> Cells:
     known = np.zeros((rows, cols), bool)
     step = max(1, int(np.ceil(side / AT_MOST**0.5)))
     linear = linear_light(np.iinfo(pixels.dtype).max + 1)
-    with crew() as run:
-        run(_measure, rows, pixels, page.known, linear, side, step, light, darker, share, clipped, known, block=16)
+    with thread_pool() as parallel_for:
+        parallel_for(
+            _measure, rows, pixels, page.known, linear, side, step, light, darker, share, clipped, known, block=16
+        )
     return Cells(side, side * 25.4 / page.dpi, light, darker, share, clipped, known)
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from planish.color import LUMINANCE, code_values, linear_light
 from planish.illumination.cells import Field
-from planish.parallel import crew
+from planish.parallel import thread_pool
 from planish.types import Bools, Floats, Page, Pixels
 
 ROWS = 64
@@ -31,7 +31,7 @@ INK = 0.94
 """Of the light that the blackest ink sends back, so much is taken away."""
 
 
-def divided(page: Page, gain: Field, side: int) -> tuple[Pixels, Bools]:
+def divide_illumination(page: Page, gain: Field, side: int) -> tuple[Pixels, Bools]:
     """Multiply the page's light by a gain, and stretch what comes near white and black to white and black.
 
     Parameters
@@ -58,9 +58,11 @@ def divided(page: Page, gain: Field, side: int) -> tuple[Pixels, Bools]:
     tone = _toned(np.linspace(0, 1, 65536), black)
     codes = code_values(source.dtype)[np.rint(65535 * tone).astype(int)]
     gain = np.ascontiguousarray(gain)
-    with crew() as run:
+    with thread_pool() as parallel_for:
         made = pixels.reshape(flat), clipped
-        run(_divide, len(source), source.reshape(flat), page.known, gain, side, light, codes, *made, block=ROWS)
+        parallel_for(
+            _divide, len(source), source.reshape(flat), page.known, gain, side, light, codes, *made, block=ROWS
+        )
     return pixels, clipped
 
 
@@ -68,8 +70,8 @@ def _black(source: NDArray[Any], known: Bools, gain: Field, side: int, light: Fi
     """Light that the black ink sends back, or 0 where there is no black print."""
     spot = max(1, round(SPOT_MM * dpi / 25.4))
     grey = np.ones((source.shape[0] // spot, source.shape[1] // spot), np.float32)
-    with crew() as run:
-        run(_spots, len(grey), source, known, gain, side, light, spot, grey, block=ROWS)
+    with thread_pool() as parallel_for:
+        parallel_for(_spots, len(grey), source, known, gain, side, light, spot, grey, block=ROWS)
     ink = grey[grey < DARK]
     if len(ink) <= INKED * grey.size:
         return 0.0

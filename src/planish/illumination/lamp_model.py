@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 from scipy.optimize import least_squares
 
-from planish.parallel import crew
+from planish.parallel import thread_pool
 from planish.types import Bools, Floats
 
 ENOUGH_CELLS = 3000
@@ -68,8 +68,8 @@ class Light:
         scalars = (np.broadcast_to(value, shape).ravel() for value in (off_axis, lit))
         log, by = np.empty(flat[0].shape[0]), np.empty((flat[0].shape[0] if slopes else 0, len(self.numbers)))
         work = (*flat, *scalars, self.middle, self.size, self.numbers, log, by)
-        with crew() as run:
-            run(_log_brightness, len(log), *work)
+        with thread_pool() as parallel_for:
+            parallel_for(_log_brightness, len(log), *work)
         return log.reshape(shape), by
 
 

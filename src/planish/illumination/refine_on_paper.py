@@ -35,7 +35,7 @@ PRINT, GRAIN = 0.2, 0.06
 """What is darker than a crease explains by more than that [log] is print; by less than this, the paper's grain."""
 
 
-def followed(cells: Cells, log_model: Floats, crease: Floats, shadow: Floats) -> tuple[Field, Field]:
+def refine_illumination(cells: Cells, log_model: Floats, crease: Floats, shadow: Floats) -> tuple[Field, Field]:
     """Add to the light's model what paper shows beside it.
 
     Rounds of normalised convolution (Knutsson and Westin 1993): the misfit of cells that count as paper, smoothed over

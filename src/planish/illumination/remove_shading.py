@@ -13,11 +13,11 @@ from scipy import ndimage
 from planish.color import LUMINANCE
 from planish.errors import UsageError
 from planish.illumination import lamp_model as lighting
-from planish.illumination.cells import Cells, Field, cut
-from planish.illumination.divide import divided
-from planish.illumination.refine_on_paper import followed, nearby_range
-from planish.illumination.shadow_visibility import lit
-from planish.illumination.surface_at_pixels import Surface, coarse_mesh, surface_under
+from planish.illumination.cells import Cells, Field, cell_statistics
+from planish.illumination.divide import divide_illumination
+from planish.illumination.refine_on_paper import nearby_range, refine_illumination
+from planish.illumination.shadow_visibility import shadow_visibility
+from planish.illumination.surface_at_pixels import Surface, coarse_mesh, surface_at_pixels
 from planish.settings import ShadingSettings
 from planish.types import Bools, Floats, Page, Scan
 
@@ -71,7 +71,7 @@ class ShadingFit:
 
 
 @dataclass(frozen=True, eq=False)
-class Unshaded:
+class EvenlyLit:
     """A page without shade.
 
     Attributes
@@ -93,9 +93,9 @@ class Unshaded:
     cell_px: int
 
 
-def unshade(
+def remove_shading(
     page: Page, scan: Scan, page_xy: Floats, normals: NDArray[np.floating[Any]], settings: ShadingSettings | None = None
-) -> Unshaded:
+) -> EvenlyLit:
     """Make a page evenly lit and its paper white.
 
     Parameters
@@ -123,7 +123,7 @@ def unshade(
     s = settings or ShadingSettings()
     if s.shading == "none":
         raise UsageError('shading is "none", so there is no shade to remove; choose geometry or background')
-    cells = cut(page)
+    cells = cell_statistics(page)
     found = _by_geometry(cells, scan, page_xy, normals) if s.shading == "geometry" else None
     warnings: tuple[str, ...] = ()
     if found is None and s.shading == "geometry":
@@ -135,7 +135,7 @@ def unshade(
     if cells.known.any():
         field = np.maximum(field, np.median(field[cells.known], axis=0) + np.log(DARKEST, dtype=np.float32))
     gain = np.exp(seam[..., None] - field) * _kept_colour(field, cells)
-    pixels, clipped = divided(page, gain, cells.side_px)
+    pixels, clipped = divide_illumination(page, gain, cells.side_px)
     clipped_share = float((clipped & page.known).mean())
     if clipped_share > CLIPPED:
         warnings += (
@@ -143,23 +143,23 @@ def unshade(
             "expose less",
         )
     fit = _quality(cells, field, lamp, clipped_share, warnings)
-    return Unshaded(Page(pixels, page.known, page.dpi, page.icc), clipped, fit, np.exp(field), cells.side_px)
+    return EvenlyLit(Page(pixels, page.known, page.dpi, page.icc), clipped, fit, np.exp(field), cells.side_px)
 
 
 def _by_geometry(
     cells: Cells, scan: Scan, page_xy: Floats, normals: NDArray[np.floating[Any]]
 ) -> tuple[Field, Field, lighting.Light] | None:
     """Logarithm of the light of paper in each cell, that of the seams, the lamp; None where paper is too little."""
-    surface = surface_under(cells, scan, page_xy, normals)
+    surface = surface_at_pixels(cells, scan, page_xy, normals)
     lamp = _lamp(cells, surface)
     if lamp is None:
         return None
     shape = coarse_mesh(surface, max(1, round(SHADOW_STEP_MM / cells.mm)))
-    share = lit(shape, lamp.lamp, surface.points, surface.normals)
+    share = shadow_visibility(shape, lamp.lamp, surface.points, surface.normals)
     bare = _filled(lamp.log_brightness(surface.points, surface.normals, surface.off_axis), surface.known)
     model = _filled(lamp.log_brightness(surface.points, surface.normals, surface.off_axis, share), surface.known)
     bend, edge = (max(1, round(mm / cells.mm)) for mm in (1.5, 4.0))
-    return *followed(cells, model, nearby_range(bare, bend), nearby_range(model - bare, edge)), lamp
+    return *refine_illumination(cells, model, nearby_range(bare, bend), nearby_range(model - bare, edge)), lamp
 
 
 def _lamp(cells: Cells, surface: Surface) -> lighting.Light | None:

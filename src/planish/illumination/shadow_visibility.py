@@ -7,17 +7,17 @@ import math
 import numpy as np
 from numba import njit
 
-from planish.mesh import rasterise
-from planish.parallel import crew
+from planish.mesh import rasterize
+from planish.parallel import thread_pool
 from planish.types import Floats, Mesh
 
 SIDE_PX = 800
 """Of the square picture of the sheet as the lamp sees it."""
 SLACK_MM = 1.0
-"""What lies this much farther from the lamp than what the lamp sees is in shadow; on slopes more (see `lit`)."""
+"""What lies this much farther from the lamp than what the lamp sees is in shadow; more on slopes."""
 
 
-def lit(mesh: Mesh, lamp: Floats, points: Floats, normals: Floats) -> Floats:
+def shadow_visibility(mesh: Mesh, lamp: Floats, points: Floats, normals: Floats) -> Floats:
     """Tell which share of the lamp each point of the sheet sees.
 
     The sheet is drawn as the lamp sees it, and each point is compared with what was drawn in nine pixels around it
@@ -43,14 +43,14 @@ def lit(mesh: Mesh, lamp: Floats, points: Floats, normals: Floats) -> Floats:
     low, scale = flat.min(axis=0), (SIDE_PX - 3) / np.ptp(flat, axis=0).max()
     pixel_xy = (flat - low) * scale + 1
     near = 1 / corner[:, 2]
-    face, w = rasterise(pixel_xy, mesh.faces, (SIDE_PX, SIDE_PX), nearness=near, perspective=True)
+    face, w = rasterize(pixel_xy, mesh.faces, (SIDE_PX, SIDE_PX), nearness=near, perspective=True)
     depth = corner[:, 2][mesh.faces[np.maximum(face, 0)]]
     drawn = depth[..., 0] + w[..., 0] * (depth[..., 1] - depth[..., 0]) + w[..., 1] * (depth[..., 2] - depth[..., 0])
     drawn[face < 0] = np.inf
     share = np.empty(points.shape[:-1])
     rows = np.ascontiguousarray(points.reshape(-1, 3)), np.ascontiguousarray(normals.reshape(-1, 3))
-    with crew() as run:
-        run(_compare, share.size, drawn, *rows, lamp, view, low, scale, share.reshape(-1))
+    with thread_pool() as parallel_for:
+        parallel_for(_compare, share.size, drawn, *rows, lamp, view, low, scale, share.reshape(-1))
     return share
 
 

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from planish.geometry import project
 from planish.illumination.cells import Cells
-from planish.mesh import rasterise
-from planish.parallel import crew
+from planish.mesh import rasterize
+from planish.parallel import thread_pool
 from planish.types import Bools, Floats, Ints, Mesh, Scan
 
 
@@ -38,7 +38,7 @@ class Surface:
     known: Bools
 
 
-def surface_under(cells: Cells, scan: Scan, page_xy: Floats, normals: NDArray[np.floating[Any]]) -> Surface:
+def surface_at_pixels(cells: Cells, scan: Scan, page_xy: Floats, normals: NDArray[np.floating[Any]]) -> Surface:
     """Carry points, normals and photo places of a scan to the middles of the cells.
 
     Parameters
@@ -49,12 +49,12 @@ def surface_under(cells: Cells, scan: Scan, page_xy: Floats, normals: NDArray[np
     normals : (n, 3) float64
     """
     faces = scan.mesh.faces
-    face, w = rasterise(page_xy / cells.mm - 0.5, faces, cells.known.shape)
+    face, w = rasterize(page_xy / cells.mm - 0.5, faces, cells.known.shape)
     at, turned = np.zeros((2, *face.shape, 3))
     off_axis, known = np.zeros(face.shape), np.zeros(face.shape, bool)
     carried = scan.mesh.points, normals, _off_axis(scan)
-    with crew() as run:
-        run(_carry, len(face), face, w, faces, *carried, at, turned, off_axis, known, block=16)
+    with thread_pool() as parallel_for:
+        parallel_for(_carry, len(face), face, w, faces, *carried, at, turned, off_axis, known, block=16)
     return Surface(at, turned, off_axis, known)
 
 

@@ -20,7 +20,7 @@ from planish.io.polygons import Polygons, triangulate, uv_of_points
 from planish.io.scans import ReadScan
 from planish.io.tifxyz import write_tifxyz
 from planish.io.units import MM_PER_UNIT
-from planish.mesh import rasterise
+from planish.mesh import rasterize
 from planish.types import Floats, Ints
 
 SUFFIXES = (".obj", ".ply", ".glb", ".tifxyz", "")
@@ -200,7 +200,7 @@ def _write_grid(path: Path, found: ReadScan, page_xy: Floats) -> None:
     size = np.nanmax(page_xy, axis=0)
     step = max(_median_step(page_xy, faces), size.max() / _MOST_GRID_POINTS)
     cols, rows = (int(n) for n in np.floor(size / step) + 1)
-    face, weights = rasterise(page_xy / step, faces, (rows, cols))
+    face, weights = rasterize(page_xy / step, faces, (rows, cols))
     a, b, c = (_file_points(found)[faces[np.maximum(face, 0), k]] for k in range(3))
     xyz = a + weights[..., :1] * (b - a) + weights[..., 1:] * (c - a)
     xyz[face < 0] = np.nan

@@ -14,9 +14,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 from xml.sax.saxutils import escape
 
-from planish import __version__
 from planish.errors import InputError, UsageError
 from planish.types import Report
+from planish.version import __version__
 
 SOFTWARE = f"planish {__version__}"
 

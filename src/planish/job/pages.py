@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from planish.document import split
+from planish.document import split_pages
 from planish.errors import OutputError, UsageError
 from planish.io import (
     Origin,
@@ -90,7 +90,7 @@ def _page(done: Restoration) -> Page:
 
 
 def _parts(page: Page, done: Restoration) -> list[Page]:
-    return [page] if done.report.spine is None else list(split(page, done.report.spine))
+    return [page] if done.report.spine is None else list(split_pages(page, done.report.spine))
 
 
 def _write(path: Path, pages: list[Page], origin: Origin, pdfa: bool, text: list[bytes]) -> list[Path]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from planish.binarize import binarize
 from planish.io import make_folder, write_page
-from planish.mesh import clean, from_file_order, stand_on_table
+from planish.mesh import clean, from_file_order, onto_support_plane
 from planish.report import certificate, contact_sheet, heat_map, relief
 from planish.report.certificate import DPI
 from planish.types import Bools, Floats, Mesh, Page, Pixels, Restoration, Scan
@@ -77,7 +77,7 @@ def write_certificate(path: Path, name: str, scan: Scan, done: Restoration) -> N
 
 def standing_and_lying(mesh: Mesh, page_xy: Floats) -> tuple[Floats, Floats]:
     """Points of the sheet on its table, and flat on it in the same place; the page's top is away from the viewer."""
-    points, _, _ = stand_on_table(mesh)
+    points, _, _ = onto_support_plane(mesh)
     page = (page_xy - page_xy.mean(axis=0)) * [1, -1]
     standing = points - [*points[:, :2].mean(axis=0), 0]
     standing[:, :2] = standing[:, :2] @ _rotation_onto(standing[:, :2], page).T

@@ -13,7 +13,7 @@ CRUMB = 0.01
 """Pieces with less than this share of the faces are dropped, as scanner programs do."""
 
 
-def lattice_faces(index: Ints, points: Floats, greatest_step: float = np.inf) -> Ints:
+def grid_faces(index: Ints, points: Floats, greatest_step: float = np.inf) -> Ints:
     """Join neighbouring pixels of a range image by triangles, counter-clockwise as the image is seen.
 
     Parameters
@@ -27,7 +27,7 @@ def lattice_faces(index: Ints, points: Floats, greatest_step: float = np.inf) ->
 
     Examples
     --------
-    >>> lattice_faces(np.array([[0, 1], [2, -1]], np.int32), np.eye(3)).tolist()
+    >>> grid_faces(np.array([[0, 1], [2, -1]], np.int32), np.eye(3)).tolist()
     [[0, 2, 1]]
     """
     a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, :-1], index[1:, 1:]
@@ -43,7 +43,7 @@ def lattice_faces(index: Ints, points: Floats, greatest_step: float = np.inf) ->
     return np.ascontiguousarray(faces[np.ptp(points[faces][..., -1], axis=1) <= greatest_step])
 
 
-def without_crumbs(faces: Ints, point_count: int) -> tuple[NDArray[np.int64], Ints]:
+def without_small_components(faces: Ints, point_count: int) -> tuple[NDArray[np.int64], Ints]:
     """Drop pieces that hang together with the rest by less than an edge and are small, and points without faces.
 
     Returns

@@ -6,11 +6,11 @@ import numpy as np
 from numba import njit
 
 from planish.mesh.decimation import Coarse
-from planish.parallel import crew
+from planish.parallel import thread_pool
 from planish.types import Floats, Ints
 
 
-def carry(coarse: Coarse, points: Floats, places: Floats, normals: Floats | None = None) -> Floats:
+def prolongate(coarse: Coarse, points: Floats, places: Floats, normals: Floats | None = None) -> Floats:
     """Give every point of the fine mesh its place, smoothly, from the places to which the coarse points went.
 
     Around each coarse point k the flattening is close to a linear map J_k, the mean of the maps of the faces around
@@ -37,9 +37,9 @@ def carry(coarse: Coarse, points: Floats, places: Floats, normals: Floats | None
     order, start = _faces_at_points(mesh.faces, len(mesh.points))
     maps = _point_maps(mesh.points, mesh.faces, places, normals)
     out = np.empty((len(points), places.shape[1]))
-    with crew() as run:
+    with thread_pool() as parallel_for:
         net = mesh.points, mesh.faces, order, start
-        run(_carry, len(points), points, coarse.nearest, *net, maps, places, out)
+        parallel_for(_carry, len(points), points, coarse.nearest, *net, maps, places, out)
     return out
 
 

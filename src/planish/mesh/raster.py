@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from planish.parallel import crew
+from planish.parallel import thread_pool
 from planish.types import Floats, Ints
 
 EDGE = 1e-7
@@ -21,7 +21,7 @@ STRIPS = 8
 faces, at 1 ms a strip for 600,000 of them, so not many."""
 
 
-def rasterise(
+def rasterize(
     pixel_xy: Floats,
     faces: Ints,
     shape_rc: tuple[int, int],
@@ -58,7 +58,7 @@ def rasterise(
     Examples
     --------
     >>> xy = np.array([[0.0, 0.0], [3.0, 0.0], [0.0, 3.0]])
-    >>> rasterise(xy, np.array([[0, 1, 2]], np.int32), (3, 4))[0]
+    >>> rasterize(xy, np.array([[0, 1, 2]], np.int32), (3, 4))[0]
     array([[ 0,  0,  0,  0],
            [ 0,  0,  0, -1],
            [ 0,  0, -1, -1]], dtype=int32)
@@ -69,8 +69,10 @@ def rasterise(
     near = np.zeros(len(pixel_xy)) if nearness is None else np.asarray(nearness, np.float64)
     best = np.full((rows, cols) if nearness is not None else (1, 1), -np.inf)
     xy = np.asarray(pixel_xy, np.float64)
-    with crew() as run:  # each strip of rows belongs to one thread, so no two write the same pixel
-        run(_fill, STRIPS, xy, faces, near, nearness is not None, perspective, top, face, weights, best, block=1)
+    with thread_pool() as parallel_for:  # each strip of rows belongs to one thread, so no two write the same pixel
+        parallel_for(
+            _fill, STRIPS, xy, faces, near, nearness is not None, perspective, top, face, weights, best, block=1
+        )
     return face, weights
 
 

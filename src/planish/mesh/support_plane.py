@@ -12,7 +12,7 @@ CELLS = 64
 for a plane that is lower by the height a sheet gains within a cell, which the last step takes away."""
 
 
-def stand_on_table(mesh: Mesh) -> tuple[Floats, Floats, Floats]:
+def onto_support_plane(mesh: Mesh) -> tuple[Floats, Floats, Floats]:
     """Turn and shift a scan so that the sheet lies on the plane z = 0, printed side up.
 
     A sheet at rest touches the table around its centre of mass. The plane below all points that has the least mean
@@ -38,7 +38,7 @@ def stand_on_table(mesh: Mesh) -> tuple[Floats, Floats, Floats]:
     A sheet that was scanned upside down, seen by a camera that looks along +z:
 
     >>> sheet = Mesh(np.array([[0.0, 0, 5], [0, 1, 5], [1, 0, 5]]), np.array([[0, 1, 2]]))
-    >>> stand_on_table(sheet)[0][:, 2].round(9) + 0.0
+    >>> onto_support_plane(sheet)[0][:, 2].round(9) + 0.0
     array([0., 0., 0.])
     """
     frame = _frame(_mean_normal(mesh))

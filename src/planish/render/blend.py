@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planish.color import LUMINANCE
-from planish.render.photo_view import Sight
+from planish.render.photo_view import PhotoView
 from planish.types import Bools, Floats
 
 Light = NDArray[np.float32]
@@ -64,7 +64,7 @@ class Blend:
     best: NDArray[np.int64]
 
 
-def blend(seen: Sequence[Sight], looks: Sequence[tuple[Light, Light, Bools]], cell_mm: float) -> Blend:
+def blend(seen: Sequence[PhotoView], looks: Sequence[tuple[Light, Light, Bools]], cell_mm: float) -> Blend:
     """Decide which photo the page takes where.
 
     A photo is as good as its pixels per mm of page, in the direction where they are fewest (that holds the angle at

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from planish.color import linear_light
 from planish.errors import InputError
 from planish.memory import check_memory
+from planish.render.bands import render_bands
 from planish.render.blend import Blend, blend, detail
-from planish.render.paint import paint
-from planish.render.photo_view import Sight, shrunk, sights
+from planish.render.photo_view import PhotoView, photo_views, shrunk
 from planish.render.resolution import Resolution, cells, nearest_usual_dpi, of_the_best
 from planish.settings import RenderSettings
 from planish.types import Bools, Floats, Page, Pixels, Scan
@@ -79,7 +79,7 @@ def draw(scan: Scan, page_xy: Floats, size_mm: tuple[float, float], settings: Re
     (True, 254)
     """
     settings = settings or RenderSettings()
-    seen = sights(scan, page_xy, size_mm)
+    seen = photo_views(scan, page_xy, size_mm)
     if len(seen) == 1:
         dpi = _dpi(seen[0].resolution, settings)
         return Rendered(_page(seen, None, size_mm, dpi, scan.icc), seen[0].resolution)
@@ -90,7 +90,7 @@ def draw(scan: Scan, page_xy: Floats, size_mm: tuple[float, float], settings: Re
 
 def preview(scan: Scan, page_xy: Floats, size_mm: tuple[float, float], dpi: float) -> Page:
     """Draw a coarse page quickly, to look at and not to keep. As `draw`, from the main photo alone, made smaller."""
-    seen = sights(replace(scan, others=()), page_xy, size_mm)
+    seen = photo_views(replace(scan, others=()), page_xy, size_mm)
     return _page([shrunk(seen[0], dpi)], None, size_mm, dpi, scan.icc)
 
 
@@ -99,14 +99,14 @@ def _dpi(found: Resolution, settings: RenderSettings) -> float:
 
 
 def _page(
-    seen: Sequence[Sight], mixed: Blend | None, size_mm: tuple[float, float], dpi: float, icc: bytes | None
+    seen: Sequence[PhotoView], mixed: Blend | None, size_mm: tuple[float, float], dpi: float, icc: bytes | None
 ) -> Page:
-    pixels, known = paint(seen, mixed, _shape(size_mm, dpi, seen[0].photo.dtype.itemsize), dpi / 25.4)
+    pixels, known = render_bands(seen, mixed, _shape(size_mm, dpi, seen[0].photo.dtype.itemsize), dpi / 25.4)
     pixels[~known] = _paper(pixels, known)
     return Page(pixels, known, dpi, icc)
 
 
-def _mixed(seen: Sequence[Sight], size_mm: tuple[float, float]) -> Blend:
+def _mixed(seen: Sequence[PhotoView], size_mm: tuple[float, float]) -> Blend:
     """How much of each photo the page takes where, from a coarse page of each."""
     cell_mm, (rows, cols) = cells(size_mm)
     finest = max(sight.resolution.median_ppi for sight in seen) * cell_mm / 25.4
@@ -115,10 +115,10 @@ def _mixed(seen: Sequence[Sight], size_mm: tuple[float, float]) -> Blend:
     return blend(seen, looks, cell_mm)
 
 
-def _look(sight: Sight, shape_rc: tuple[int, int], across: int, cell_mm: float) -> tuple[Light, Light, Bools]:
+def _look(sight: PhotoView, shape_rc: tuple[int, int], across: int, cell_mm: float) -> tuple[Light, Light, Bools]:
     """Mean light, strength of detail, and whether most of it is known, for every cell."""
     rows, cols = shape_rc
-    pixels, known = paint([sight], None, (rows * across, cols * across), across / cell_mm)
+    pixels, known = render_bands([sight], None, (rows * across, cols * across), across / cell_mm)
     light = np.where(known[..., None], linear_light(np.iinfo(pixels.dtype).max + 1)[pixels], np.float32(0))
     in_cells = (rows, across, cols, across)
     count = np.maximum(known.reshape(in_cells).sum(axis=(1, 3)), 1).astype(np.float32)

@@ -17,7 +17,7 @@ MISSING, CLIPPED, SEEN = 0, 128, 255
 
 
 @dataclass(frozen=True)
-class Missing:
+class MissingRegions:
     """The parts of a page that were not seen.
 
     Attributes
@@ -32,24 +32,24 @@ class Missing:
     area_mm2: float
 
 
-def missing_parts(page: Page) -> Missing:
+def missing_regions(page: Page) -> MissingRegions:
     """Count the parts of a page that were not seen, and their area.
 
     Examples
     --------
     >>> known = np.ones((100, 200), bool)
     >>> known[10:30, 10:20] = known[50, :] = False
-    >>> missing_parts(Page(np.zeros((100, 200), np.uint8), known, dpi=50.8))
-    Missing(regions=1, area_mm2=50.0)
+    >>> missing_regions(Page(np.zeros((100, 200), np.uint8), known, dpi=50.8))
+    MissingRegions(regions=1, area_mm2=50.0)
     """
     unseen = np.asarray(~page.known, np.uint8)
     wide = cv2.erode(unseen, _square(page.dpi), borderValue=0)
     if not wide.any():
-        return Missing(0, 0.0)
+        return MissingRegions(0, 0.0)
     _, label, box, _ = cv2.connectedComponentsWithStats(unseen, connectivity=8)
     counted = np.unique(label[wide > 0])
     area = box[counted, cv2.CC_STAT_AREA].sum() * (25.4 / page.dpi) ** 2
-    return Missing(len(counted), float(area))
+    return MissingRegions(len(counted), float(area))
 
 
 def mask_of(page: Page, clipped: Bools | None = None) -> Page:

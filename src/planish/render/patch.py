@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from planish.parallel import crew
+from planish.parallel import thread_pool
 from planish.types import Floats, Ints
 
 BLOCK = 1024
@@ -49,13 +49,13 @@ def refine(page_xy: Floats, values: Floats, faces: Ints, pieces: int) -> tuple[F
     True
     """
     cubics = np.zeros((len(page_xy), 9, values.shape[1]))
-    with crew() as run:
-        run(_cubics, len(page_xy), page_xy, values, *_rings(faces, len(page_xy)), cubics, block=BLOCK)
+    with thread_pool() as parallel_for:
+        parallel_for(_cubics, len(page_xy), page_xy, values, *_rings(faces, len(page_xy)), cubics, block=BLOCK)
     weights, small = _grid_of(pieces)
     fine = np.empty((len(faces), len(weights), 2))
     carried = np.zeros((len(faces), len(weights), values.shape[1]))
-    with crew() as run:
-        run(_blend, len(faces), page_xy, values, cubics, faces, weights, fine, carried, block=BLOCK)
+    with thread_pool() as parallel_for:
+        parallel_for(_blend, len(faces), page_xy, values, cubics, faces, weights, fine, carried, block=BLOCK)
     first = np.arange(len(faces), dtype=np.int32) * len(weights)
     fine_faces = (first[:, None, None] + small[None]).reshape(-1, 3)
     return fine.reshape(-1, 2), carried.reshape(-1, values.shape[1]), fine_faces.astype(np.int32)

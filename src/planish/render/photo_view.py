@@ -8,13 +8,13 @@ import numpy as np
 
 from planish.errors import InputError
 from planish.render.resolution import Resolution, resolution
-from planish.render.uv_map import Chart, chart
+from planish.render.uv_map import UVMap, uv_map
 from planish.render.visibility import seen_faces
 from planish.types import Floats, Ints, Pixels, Scan
 
 
 @dataclass(frozen=True, eq=False)
-class Sight:
+class PhotoView:
     """A photo, and what it shows of the sheet.
 
     Attributes
@@ -27,12 +27,12 @@ class Sight:
     """
 
     photo: Pixels
-    chart: Chart
+    uv_map: UVMap
     faces: Ints
     resolution: Resolution
 
 
-def sights(scan: Scan, page_xy: Floats, size_mm: tuple[float, float]) -> list[Sight]:
+def photo_views(scan: Scan, page_xy: Floats, size_mm: tuple[float, float]) -> list[PhotoView]:
     """Look at the sheet through every photo of a scan, the main one first.
 
     Raises
@@ -50,14 +50,14 @@ def sights(scan: Scan, page_xy: Floats, size_mm: tuple[float, float]) -> list[Si
     return [_sight(one, page_xy, size_mm, name) for one, name in zip(several, names, strict=True)]
 
 
-def _sight(scan: Scan, page_xy: Floats, size_mm: tuple[float, float], name: str) -> Sight:
+def _sight(scan: Scan, page_xy: Floats, size_mm: tuple[float, float], name: str) -> PhotoView:
     assert scan.photo is not None
-    sheet = chart(scan, page_xy)
+    sheet = uv_map(scan, page_xy)
     faces = sheet.faces[seen_faces(sheet, scan.camera)]
-    return Sight(scan.photo, sheet, faces, resolution(sheet, faces, size_mm, scan.photo.shape[:2], name))
+    return PhotoView(scan.photo, sheet, faces, resolution(sheet, faces, size_mm, scan.photo.shape[:2], name))
 
 
-def shrunk(sight: Sight, ppi: float) -> Sight:
+def shrunk(sight: PhotoView, ppi: float) -> PhotoView:
     """The same with a photo made smaller, to about so many pixels per inch of page: quick to draw from."""
     import cv2
 
@@ -69,6 +69,6 @@ def shrunk(sight: Sight, ppi: float) -> Sight:
         return sight
     whole = np.ascontiguousarray(sight.photo[: rows * times, : cols * times])
     small = cv2.resize(whole, (cols, rows), interpolation=cv2.INTER_AREA)
-    places = (sight.chart.photo_xy + 0.5) / times - 0.5
-    sheet = replace(sight.chart, photo_xy=places, jacobian=sight.chart.jacobian / times)
-    return replace(sight, photo=small, chart=sheet)
+    places = (sight.uv_map.photo_xy + 0.5) / times - 0.5
+    sheet = replace(sight.uv_map, photo_xy=places, jacobian=sight.uv_map.jacobian / times)
+    return replace(sight, photo=small, uv_map=sheet)

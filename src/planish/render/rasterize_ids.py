@@ -5,19 +5,19 @@ from __future__ import annotations
 import numpy as np
 from numba import get_num_threads, njit
 
-from planish.parallel import crew
+from planish.parallel import thread_pool
 from planish.types import Floats, Ints
 
 EDGE_PX = 1e-4
 """A pixel centre this close outside a face still counts: no seams between faces."""
 
 
-def cover(
+def rasterize_ids(
     pixel_xy: Floats, faces: Ints, shape_rc: tuple[int, int], *, top: int = 0, nearness: Floats | None = None
 ) -> Ints:
     """Find the face that covers each pixel centre; where faces overlap, the nearest, or the one that comes first.
 
-    As `planish.mesh.rasterise` without places in the face, and several times as fast where faces are small.
+    As `planish.mesh.rasterize` without places in the face, and several times as fast where faces are small.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def cover(
     Examples
     --------
     >>> xy = np.array([[0.0, 0.0], [3.0, 0.0], [0.0, 3.0]])
-    >>> cover(xy, np.array([[0, 1, 2]], np.int32), (3, 4))
+    >>> rasterize_ids(xy, np.array([[0, 1, 2]], np.int32), (3, 4))
     array([[ 0,  0,  0,  0],
            [ 0,  0,  0, -1],
            [ 0,  0, -1, -1]], dtype=int32)
@@ -50,8 +50,8 @@ def cover(
     if nearness is not None:
         near, best = np.asarray(nearness, np.float64), np.zeros(shape_rc)
     strips = 2 * get_num_threads()
-    with crew() as run:  # each strip of rows belongs to one thread, so no two write the same pixel
-        run(_fill, strips, np.asarray(pixel_xy, np.float64), faces, near, best, top, strips, face, block=1)
+    with thread_pool() as parallel_for:  # each strip of rows belongs to one thread, so no two write the same pixel
+        parallel_for(_fill, strips, np.asarray(pixel_xy, np.float64), faces, near, best, top, strips, face, block=1)
     return face
 
 

@@ -10,8 +10,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from planish.errors import InputError
-from planish.render.rasterize_ids import cover
-from planish.render.uv_map import Chart
+from planish.render.rasterize_ids import rasterize_ids
+from planish.render.uv_map import UVMap
 from planish.render.visibility import least_singular
 from planish.types import Ints
 
@@ -50,7 +50,7 @@ def of_the_best(several: Sequence[Resolution], best: NDArray[np.int64]) -> Resol
 
 
 def resolution(
-    sheet: Chart, faces: Ints, size_mm: tuple[float, float], photo_shape: tuple[int, ...], name: str = "the photo"
+    sheet: UVMap, faces: Ints, size_mm: tuple[float, float], photo_shape: tuple[int, ...], name: str = "the photo"
 ) -> Resolution:
     """Measure it from the map of page to photo.
 
@@ -71,7 +71,7 @@ def resolution(
         Where no part of the page falls on the photo.
     """
     cell_mm, (rows, cols) = cells(size_mm)
-    face = cover(sheet.page_xy / cell_mm - 0.5, faces, (rows, cols))
+    face = rasterize_ids(sheet.page_xy / cell_mm - 0.5, faces, (rows, cols))
     ppi = np.full((rows, cols), np.nan, np.float32)
     _fill(face, faces, 25.4 * least_singular(sheet.jacobian), sheet.photo_xy, *photo_shape, ppi)
     if not np.isfinite(ppi).any():

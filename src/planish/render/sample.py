@@ -16,7 +16,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from planish.color import linear_light
-from planish.parallel import crew
+from planish.parallel import thread_pool
 from planish.render.filters import LOBES, NARROW, TAPS, lanczos, narrow, narrow_filters, skewed, upright
 from planish.types import Bools, Floats, Ints, Pixels
 
@@ -48,8 +48,8 @@ def maps_of_faces(pixel_xy: Floats, photo_xy: Floats, jacobian: Floats, faces: I
         x = m0 q + m1 r + m2 and y = m3 q + m4 r + m5 on the photo for page column q and row r; M's xx, xy and yy.
     """
     maps = np.zeros((len(faces), 9))
-    with crew() as run:
-        run(_maps, len(faces), pixel_xy, photo_xy, jacobian, faces, maps)
+    with thread_pool() as parallel_for:
+        parallel_for(_maps, len(faces), pixel_xy, photo_xy, jacobian, faces, maps)
     return maps
 
 
@@ -72,8 +72,8 @@ def sample(photo: Pixels, face: Ints, maps: Floats, top: int, light: NDArray[np.
     """
     tables = linear_light(np.iinfo(photo.dtype).max + 1), lanczos(), narrow_filters()
     tiles = -(-face.shape[0] // TILE) * -(-face.shape[1] // TILE)
-    with crew() as run:
-        run(_sample, tiles, photo, face, maps, top, tables, light, known, block=8)
+    with thread_pool() as parallel_for:
+        parallel_for(_sample, tiles, photo, face, maps, top, tables, light, known, block=8)
 
 
 @njit(cache=True, nogil=True)

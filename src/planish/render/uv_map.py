@@ -22,7 +22,7 @@ BEYOND_PX = 1e6
 
 
 @dataclass(frozen=True, eq=False)
-class Chart:
+class UVMap:
     """The sheet on the page and on the photo.
 
     Attributes
@@ -42,7 +42,7 @@ class Chart:
     jacobian: Floats
 
 
-def chart(scan: Scan, page_xy: Floats) -> Chart:
+def uv_map(scan: Scan, page_xy: Floats) -> UVMap:
     """Map page to photo.
 
     Between the points the way over a coarse mesh is curved (see `refine`); with a known camera it goes through
@@ -67,7 +67,7 @@ def chart(scan: Scan, page_xy: Floats) -> Chart:
         points, photo = carried[:, :3], carried[:, 3:]
         if scan.camera is not None:
             photo = photo + project(scan.camera, points)
-    return Chart(faces, page, photo, points, _jacobians(page, photo, faces))
+    return UVMap(faces, page, photo, points, _jacobians(page, photo, faces))
 
 
 def _split_seams(scan: Scan, page_xy: Floats) -> tuple[Ints, Floats, Floats, Floats | None]:

@@ -7,9 +7,9 @@ from numba import njit
 
 from planish.geometry import depths
 from planish.geometry.resection import resect
-from planish.parallel import crew
-from planish.render.rasterize_ids import cover
-from planish.render.uv_map import Chart
+from planish.parallel import thread_pool
+from planish.render.rasterize_ids import rasterize_ids
+from planish.render.uv_map import UVMap
 from planish.types import Bools, Camera, Floats
 
 BUFFER_MM = 0.5
@@ -18,7 +18,7 @@ SAME_PLACE_MM = 1.0
 """What lies in front counts as the same part of the sheet this near on the page (and two buffer pixels more)."""
 
 
-def seen_faces(chart: Chart, camera: Camera | None) -> Bools:
+def seen_faces(chart: UVMap, camera: Camera | None) -> Bools:
     """Tell which faces show their printed side to the camera with nothing in front of them.
 
     A face has its back to the camera where page and photo run round it in opposite senses. It is hidden where the
@@ -38,15 +38,15 @@ def seen_faces(chart: Chart, camera: Camera | None) -> Bools:
     scale = 1 / (px_per_mm * BUFFER_MM)
     buffer_xy = (chart.photo_xy - chart.photo_xy.min(axis=0)) * scale
     cols, rows = (int(n) + 2 for n in buffer_xy.max(axis=0))
-    front = cover(buffer_xy, chart.faces, (rows, cols), nearness=_mean_of_corners(nearness, chart.faces))
+    front = rasterize_ids(buffer_xy, chart.faces, (rows, cols), nearness=_mean_of_corners(nearness, chart.faces))
     pixel_mm = 1 / (scale * np.maximum(fewest, 0.05 * px_per_mm))
     seen = np.zeros(len(facing), np.bool_)
-    with crew() as run:
-        run(_in_front, len(seen), chart.faces, chart.page_xy, buffer_xy, pixel_mm, facing, front, seen)
+    with thread_pool() as parallel_for:
+        parallel_for(_in_front, len(seen), chart.faces, chart.page_xy, buffer_xy, pixel_mm, facing, front, seen)
     return seen
 
 
-def _nearness(chart: Chart, camera: Camera | None) -> Floats | None:
+def _nearness(chart: UVMap, camera: Camera | None) -> Floats | None:
     """1 / depth of every point, or None where no camera can be found."""
     if camera is not None:
         return np.asarray(1 / np.maximum(depths(camera, chart.points), 1e-9))

@@ -1,6 +1,6 @@
 """An honest account of a restoration: what was measured, and how it reads."""
 
-from planish.report.build import account
+from planish.report.build import build_report
 from planish.report.certificate import certificate
 from planish.report.contact import contact_sheet
 from planish.report.fadgi import guideline
@@ -10,7 +10,7 @@ from planish.report.pictures import relief, side_by_side
 from planish.types import summary
 
 __all__ = [
-    "account",
+    "build_report",
     "certificate",
     "contact_sheet",
     "flipped_faces",

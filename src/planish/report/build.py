@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from planish import __version__
 from planish.geometry.distances import distances
 from planish.mesh import Cleaned
 from planish.report.measures import flipped_faces, stretch
 from planish.sticks import strain
 from planish.types import Flattening, FlattenReport, Outcome, PageReport, Report, Scan, ScanReport
+from planish.version import __version__
 
 STRETCHED = 0.01
 """Paper stretches by some tenths of a percent. What is farther from its lengths is no sheet there, or badly scanned."""
 
 
-def account(
+def build_report(
     scan: Scan,
     cleaned: Cleaned,
     flat: Flattening,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from planish.mesh import rasterise
+from planish.mesh import rasterize
 from planish.types import Floats, Ints
 
 ROWS = 600
@@ -33,7 +33,7 @@ def over_page(page_xy: Floats, faces: Ints, values: Floats, size_mm: tuple[float
     """
     width, height = size_mm
     px_per_mm = rows / max(height, 1e-9)
-    face, w = rasterise(page_xy * px_per_mm - 0.5, faces, (rows, max(1, round(width * px_per_mm))))
+    face, w = rasterize(page_xy * px_per_mm - 0.5, faces, (rows, max(1, round(width * px_per_mm))))
     weights = np.concatenate([1 - w.sum(axis=2, keepdims=True), w], axis=2)
     value = np.einsum("rck,rck...->rc...", weights, values[faces[np.maximum(face, 0)]])
     value[face < 0] = np.nan

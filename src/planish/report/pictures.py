@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from planish.mesh import point_normals, rasterise
+from planish.mesh import point_normals, rasterize
 from planish.report.drawing import eight_bit
 from planish.types import Bools, Floats, Ints, Pixels
 
@@ -42,7 +42,7 @@ def relief(points: Floats, faces: Ints, *, height: int = 900, tilt: float = 50.0
     width = int(np.ceil(np.ptp(right) * scale / 0.9))
     xy = np.c_[right - (right.max() + right.min()) / 2, (up.max() + up.min()) / 2 - up] * scale
     xy += np.array([width / 2, height / 2])
-    face, w = rasterise(xy, faces, (height, width), nearness=towards)
+    face, w = rasterize(xy, faces, (height, width), nearness=towards)
     picture = np.tile(BACKGROUND, (height, width, 1))
     seen = face >= 0
     normals = point_normals(points, faces)

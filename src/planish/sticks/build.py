@@ -7,7 +7,7 @@ from numba import njit
 
 from planish.geometry.distances import distances
 from planish.mesh import Topology
-from planish.parallel import crew
+from planish.parallel import thread_pool
 from planish.settings import Lengths
 from planish.surface.smooth_lengths import smooth_lengths
 from planish.types import Bools, Floats, Ints, Mesh, Sticks
@@ -65,8 +65,8 @@ def bending_pairs(faces: Ints, topology: Topology) -> tuple[Ints, Ints]:
     """Opposite corners of every two triangles that share an edge: (b, 2) points and the (b,) rows of that edge."""
     edge = np.flatnonzero(topology.edge_uses == 2).astype(np.int32)
     corners = np.empty((len(edge), 2), np.int32)
-    with crew() as run:
-        run(_opposite_corners, len(edge), edge, topology.edges, topology.edge_faces, faces, corners)
+    with thread_pool() as parallel_for:
+        parallel_for(_opposite_corners, len(edge), edge, topology.edges, topology.edge_faces, faces, corners)
     return corners, edge
 
 
@@ -96,9 +96,9 @@ def unfolded_distance(
     """
     out = np.empty(len(edge))
     side = np.ones(len(faces)) if turned is None else np.where(turned, -1.0, 1.0)
-    with crew() as run:
+    with thread_pool() as parallel_for:
         at = (edge, topology.edges, topology.edge_faces, topology.face_edges, faces, side)
-        run(_unfold, len(edge), edge_rest, *at, out)
+        parallel_for(_unfold, len(edge), edge_rest, *at, out)
     return out
 
 

@@ -9,7 +9,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from planish.geometry.vectors import cross, dot, minus, plus, row, square, unit
-from planish.parallel import Crew
+from planish.parallel import ParallelFor
 from planish.surface.curvature import CURVATURE, Bends
 from planish.types import Floats, Ints
 
@@ -20,7 +20,9 @@ BEND, POLYGON = math.radians(20), math.radians(30)
 """An edge along which the sheet bends by more is no chord of an arc but the side of a polygon."""
 
 
-def lengths_over(points: Floats, normals: NDArray[np.float32], bends: Bends, edges: Ints, run: Crew) -> Floats:
+def lengths_over(
+    points: Floats, normals: NDArray[np.float32], bends: Bends, edges: Ints, parallel_for: ParallelFor
+) -> Floats:
     """(e,) lengths of edges whose ends lie on two planes that meet between them, once these are unfolded into one.
 
     With c along the fold and m between the two normals, which stand at an angle phi, an edge d is as long as
@@ -38,7 +40,7 @@ def lengths_over(points: Floats, normals: NDArray[np.float32], bends: Bends, edg
     edges : (e, 2) int32
     """
     rest = np.empty(len(edges))
-    run(_lengths_over, len(edges), points, normals, bends, edges, rest)
+    parallel_for(_lengths_over, len(edges), points, normals, bends, edges, rest)
     return rest
 
 

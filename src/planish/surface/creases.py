@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 
 from planish.geometry.vectors import dot, minus, row, square
-from planish.parallel import Crew
+from planish.parallel import ParallelFor
 from planish.surface.curvature import CURVATURE, Bends, turned
 from planish.surface.normals import AREA, NOISE, PLACE, SAMPLE, Ring, Rows
 from planish.types import Floats, Ints
@@ -39,7 +39,14 @@ NEAR, LONGEST = 48, 64
 
 
 def find_sides(
-    points: Floats, rows: Rows, bends: Bends, ring: Ring, rings: int, noise: float, spacing: float, run: Crew
+    points: Floats,
+    rows: Rows,
+    bends: Bends,
+    ring: Ring,
+    rings: int,
+    noise: float,
+    spacing: float,
+    parallel_for: ParallelFor,
 ) -> Ints:
     """For every point the one whose plane it lies on: itself, or at a crease a calmer one near by.
 
@@ -60,19 +67,19 @@ def find_sides(
     typical = max(float(np.median(_spreads(some, rows, ring))), 1e-12) if len(some) else 1.0
     blur = 2.0 * noise**2 + BLUR * spacing**2 + 1e-30
     source = np.empty(len(rows), np.int32)
-    run(_choose, len(rows), points, rows, bends, ring, rings, typical, blur, source)
+    parallel_for(_choose, len(rows), points, rows, bends, ring, rings, typical, blur, source)
     return source
 
 
-def to_sides(rows: Rows, source: Ints, out: Rows, run: Crew) -> None:
+def to_sides(rows: Rows, source: Ints, out: Rows, parallel_for: ParallelFor) -> None:
     """Write down the planes that the points lie on, with the points' own areas and noise."""
-    run(_to_sides, len(rows), rows, source, out)
+    parallel_for(_to_sides, len(rows), rows, source, out)
 
 
-def carry(points: Floats, rows: Rows, bends: Bends, source: Ints, run: Crew) -> Rows:
+def carry(points: Floats, rows: Rows, bends: Bends, source: Ints, parallel_for: ParallelFor) -> Rows:
     """(n, 3) normals at the points, from the planes they lie on, followed along their bend."""
     out = np.empty((len(rows), 3), np.float32)
-    run(_carry, len(rows), points, rows, bends, source, out)
+    parallel_for(_carry, len(rows), points, rows, bends, source, out)
     return out
 
 

@@ -9,7 +9,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from planish.geometry.vectors import dot, minus, plus, row, tangents, times, unit
-from planish.parallel import Crew
+from planish.parallel import ParallelFor
 from planish.surface.normals import AREA, NOISE, PLACE, Ring, Rows, closeness
 
 Bends = NDArray[np.float32]
@@ -21,7 +21,7 @@ A step d along the surface turns the normal by dN = curvature (a . d) a; the rul
 CURVATURE = 3
 
 
-def find_bends(rows: Rows, ring: Ring, reach: float, rounds: int, run: Crew) -> Bends:
+def find_bends(rows: Rows, ring: Ring, reach: float, rounds: int, parallel_for: ParallelFor) -> Bends:
     """Fit the shape operator to every ring, smooth it within the creases, and keep its greater curvature.
 
     Parameters
@@ -33,12 +33,12 @@ def find_bends(rows: Rows, ring: Ring, reach: float, rounds: int, run: Crew) -> 
     """
     scale = np.float32(1 / max(reach, 1e-10))
     shape, smooth = np.empty_like(rows), np.empty_like(rows)
-    run(_fit_shape, len(rows), rows, ring, scale, shape)
+    parallel_for(_fit_shape, len(rows), rows, ring, scale, shape)
     for _ in range(rounds):
-        run(_smooth_shape, len(rows), rows, ring, scale, shape, smooth)
+        parallel_for(_smooth_shape, len(rows), rows, ring, scale, shape, smooth)
         shape, smooth = smooth, shape
     bends = np.empty((len(rows), 4), np.float32)
-    run(_greatest_bend, len(rows), rows, shape, bends)
+    parallel_for(_greatest_bend, len(rows), rows, shape, bends)
     return bends
 
 

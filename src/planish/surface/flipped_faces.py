@@ -7,11 +7,11 @@ from numba import njit
 from numpy.typing import NDArray
 
 from planish.geometry.vectors import cross, dot, minus, row
-from planish.parallel import Crew
+from planish.parallel import ParallelFor
 from planish.types import Bools, Floats, Ints
 
 
-def turned_over(points: Floats, faces: Ints, normals: NDArray[np.float32], run: Crew) -> Bools:
+def turned_over(points: Floats, faces: Ints, normals: NDArray[np.float32], parallel_for: ParallelFor) -> Bools:
     """(m,) whether each face shows its back to the side that the surface faces at all three of its corners.
 
     Noise along the sheet carries corners of slender faces across the opposite side: with 0.05 mm in all directions and
@@ -26,10 +26,10 @@ def turned_over(points: Floats, faces: Ints, normals: NDArray[np.float32], run: 
     faces : (m, 3) int32
     normals : (n, 3) float32
         Of the surface, without noise.
-    run : Crew
+    parallel_for : Crew
     """
     turned = np.empty(len(faces), np.bool_)
-    run(_turned_over, len(faces), points, faces, normals, turned)
+    parallel_for(_turned_over, len(faces), points, faces, normals, turned)
     return turned
 
 

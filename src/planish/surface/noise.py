@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from planish.geometry.vectors import dot, minus, row
 from planish.mesh import Topology, bounds
-from planish.parallel import Crew
+from planish.parallel import ParallelFor
 from planish.surface.creases import height_over
 from planish.surface.curvature import CURVATURE, Bends
 from planish.surface.normals import SAMPLE, Ring, Rows
@@ -29,13 +29,13 @@ OUTLIER = 4.0
 """Values over so many medians count as that: what creases do is not noise, but noise may differ over a sheet."""
 
 
-def angle_defects(rest: Floats, faces: Ints, topology: Topology, point_count: int, run: Crew) -> Floats:
+def angle_defects(rest: Floats, faces: Ints, topology: Topology, point_count: int, parallel_for: ParallelFor) -> Floats:
     """|2 pi - sum of the angles| at the points inside the sheet, for triangles of the edge lengths `rest`.
 
     Nought where a sheet can lie flat, however it is bent; noise makes it buckle everywhere.
     """
     angles = np.empty((len(faces), 3), np.float32)
-    run(_angles, len(faces), rest, topology.face_edges, angles)
+    parallel_for(_angles, len(faces), rest, topology.face_edges, angles)
     sums = _sum_corners(angles, faces, point_count)
     inner = np.ones(point_count, bool)
     inner[topology.edges[topology.edge_uses != 2]] = False
@@ -43,7 +43,7 @@ def angle_defects(rest: Floats, faces: Ints, topology: Topology, point_count: in
     return np.abs(2 * np.pi - sums[inner])
 
 
-def ring_noise(points: Floats, rows: Rows, ring: Ring, run: Crew) -> NDArray[np.float32]:
+def ring_noise(points: Floats, rows: Rows, ring: Ring, parallel_for: ParallelFor) -> NDArray[np.float32]:
     """(n,) size [mm] of the noise of every point, if it is white: how far it stands out of its ring.
 
     Bending cancels in the difference of a point's height over its ring and the ring's mean height; noise does not.
@@ -51,12 +51,14 @@ def ring_noise(points: Floats, rows: Rows, ring: Ring, run: Crew) -> NDArray[np.
     is alike over several pixels cancels too, and is not seen here.
     """
     height, off = np.empty(len(points), np.float32), np.empty(len(points), np.float32)
-    run(_heights, len(points), points, rows, ring, height)
-    run(_less_ring, len(points), height, ring, off)
+    parallel_for(_heights, len(points), points, rows, ring, height)
+    parallel_for(_less_ring, len(points), height, ring, off)
     return np.asarray(np.abs(off) / np.float32(RING_GAIN), np.float32)
 
 
-def surface_noise(points: Floats, rows: Rows, bends: Bends, patch: float, run: Crew) -> NDArray[np.float32]:
+def surface_noise(
+    points: Floats, rows: Rows, bends: Bends, patch: float, parallel_for: ParallelFor
+) -> NDArray[np.float32]:
     """(n,) distance [mm] of every point from its own bent plane: noise that is alike over some pixels shows here too.
 
     Parameters
@@ -66,7 +68,7 @@ def surface_noise(points: Floats, rows: Rows, bends: Bends, patch: float, run: C
         a bent patch lies off the surface by half its curvature times that.
     """
     off = np.empty(len(points), np.float32)
-    run(_off_surface, len(points), points, rows, bends, patch, off)
+    parallel_for(_off_surface, len(points), points, rows, bends, patch, off)
     return off
 
 
@@ -77,16 +79,16 @@ def typical(off: NDArray[np.float32]) -> float:
     return FROM_MEDIAN * float(np.median(some)) if len(some) else 0.0
 
 
-def around(points: Floats, values: NDArray[np.floating], spacing: float, run: Crew) -> Floats:
+def around(points: Floats, values: NDArray[np.floating], spacing: float, parallel_for: ParallelFor) -> Floats:
     """(n,) mean of the finite values in cells of CELL edges and those next to them, of every point's cell.
 
     Examples
     --------
-    >>> from planish.parallel import crew
+    >>> from planish.parallel import thread_pool
     >>> x = np.arange(1000.0)
     >>> values = np.where(x < 504, 1.0, 3.0)
-    >>> with crew() as run:
-    ...     around(np.c_[x, 0 * x, 0 * x], values, 1.0, run)[[0, 498, 999]].round(2)
+    >>> with thread_pool() as parallel_for:
+    ...     around(np.c_[x, 0 * x, 0 * x], values, 1.0, parallel_for)[[0, 498, 999]].round(2)
     array([1.  , 1.67, 3.  ])
     """
     if not len(points):
@@ -97,7 +99,7 @@ def around(points: Floats, values: NDArray[np.floating], spacing: float, run: Cr
     known = values[np.isfinite(values)]
     ceiling = OUTLIER * float(np.median(known[:: max(1, len(known) // SAMPLE)])) if len(known) else 0.0
     cell = np.empty(len(points), np.int64)
-    run(_find_cells, len(points), points, low, 1 / side, shape, cell)
+    parallel_for(_find_cells, len(points), points, low, 1 / side, shape, cell)
     sums, counts = _sum_cells(cell, values, ceiling, math.prod(shape))
     sums, counts = _with_neighbours(sums.reshape(shape)), _with_neighbours(counts.reshape(shape))
     return np.asarray((sums / np.maximum(counts, 1)).ravel()[cell])

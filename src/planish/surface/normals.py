@@ -10,7 +10,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from planish.geometry.vectors import cross, minus, plus, row, square, times
-from planish.parallel import Crew
+from planish.parallel import ParallelFor
 from planish.types import Floats, Ints
 
 Rows = NDArray[np.float32]
@@ -46,14 +46,14 @@ def typical_step(rows: Rows, edges: Ints) -> float:
     return float(np.median(np.einsum("ij,ij->i", step, step) / here[:, NOISE])) if len(some) else 0.0
 
 
-def diffuse(rows: Rows, ring: Ring, reach: float, out: Rows, run: Crew) -> None:
+def diffuse(rows: Rows, ring: Ring, reach: float, out: Rows, parallel_for: ParallelFor) -> None:
     """One round of smoothing; neighbours whose normals differ by more than noise makes them are left out.
 
     N_i <- unit(A_i N_i + sum over the ring of w_ij N_j),  w_ij = A_j (1 - |N_i - N_j|^2 / (reach s_i^2))_+^2
 
     with s_i^2 the local noise.
     """
-    run(_diffuse, len(rows), rows, ring, np.float32(1 / max(reach, 1e-12)), out)
+    parallel_for(_diffuse, len(rows), rows, ring, np.float32(1 / max(reach, 1e-12)), out)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from planish.geometry.vectors import dot, minus, plus, row, square, tangents, unit
-from planish.parallel import Crew
+from planish.parallel import ParallelFor
 from planish.surface.normals import Ring, Rows
 from planish.types import Floats, Ints
 
@@ -30,7 +30,9 @@ OUTLIER DOUBT of the noise always do."""
 UNKNOWNS = 6
 
 
-def refit(points: Floats, normals: Rows, ring: Ring, at: Ints, noise: float, spacing: float, run: Crew) -> Rows:
+def refit(
+    points: Floats, normals: Rows, ring: Ring, at: Ints, noise: float, spacing: float, parallel_for: ParallelFor
+) -> Rows:
     """Fit the normals at some of the points anew, and leave the others.
 
     Parameters
@@ -41,14 +43,14 @@ def refit(points: Floats, normals: Rows, ring: Ring, at: Ints, noise: float, spa
         Standard deviation of the noise, and the typical length of an edge.
     """
     out = normals.copy()
-    run(_refit, len(at), points, normals, ring, at, noise, 1 / max(spacing, 1e-30), out)
+    parallel_for(_refit, len(at), points, normals, ring, at, noise, 1 / max(spacing, 1e-30), out)
     return out
 
 
-def points_at_folds(normals: Rows, ring: Ring, run: Crew) -> Ints:
+def points_at_folds(normals: Rows, ring: Ring, parallel_for: ParallelFor) -> Ints:
     """Points with a neighbour whose normal stands at more than 20 degrees to theirs."""
     at_fold = np.empty(len(normals), np.bool_)
-    run(_find_folds, len(normals), normals, ring, at_fold)
+    parallel_for(_find_folds, len(normals), normals, ring, at_fold)
     return np.flatnonzero(at_fold).astype(np.int32)
 
 

@@ -9,7 +9,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from planish.geometry.vectors import dot, minus, plus, row, unit
-from planish.parallel import Crew
+from planish.parallel import ParallelFor
 from planish.surface.normals import Ring
 from planish.types import Floats
 
@@ -29,7 +29,7 @@ GRAZING = 0.15
 
 
 def onto_surface(
-    points: Floats, normals: NDArray[np.float32], ring: Ring, eye: Floats, noise: float, run: Crew
+    points: Floats, normals: NDArray[np.float32], ring: Ring, eye: Floats, noise: float, parallel_for: ParallelFor
 ) -> Floats:
     """Move every point along its ray to where the normals around it want the surface to be.
 
@@ -57,10 +57,10 @@ def onto_surface(
     height, further = np.zeros(len(points)), np.empty(len(points))
     same_side = 1 - math.cos(min(SAME_SIDE + SAME_SIDE_PER_NOISE * noise, SAME_SIDE_AT_MOST))
     for _ in range(ROUNDS):
-        run(_level, len(points), points, normals, ring, same_side, height, further)
+        parallel_for(_level, len(points), points, normals, ring, same_side, height, further)
         height, further = further, height
     moved = np.empty_like(points)
-    run(_follow_rays, len(points), points, normals, height, eye, moved)
+    parallel_for(_follow_rays, len(points), points, normals, height, eye, moved)
     return moved
 
 

@@ -7,7 +7,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from planish.geometry.vectors import cross, dot, minus, plus, row, square, times
-from planish.parallel import Crew
+from planish.parallel import ParallelFor
 from planish.surface.curvature import Bends
 from planish.surface.normals import AREA, NOISE, PLACE, SAMPLE, Ring, Rows, closeness, store
 
@@ -25,7 +25,7 @@ FAR, QUARTER = np.float32(np.inf), np.float32(0.25)
 """In single precision, as the rows are: kernels are a third slower if one double creeps in."""
 
 
-def average_along(rows: Rows, bends: Bends, ring: Ring, out: Rows, run: Crew) -> tuple[Rows, Rows]:
+def average_along(rows: Rows, bends: Bends, ring: Ring, out: Rows, parallel_for: ParallelFor) -> tuple[Rows, Rows]:
     """Average every normal with those of its mates, in rounds of twice the reach each.
 
     N_i <- unit(2 A_i N_i + sum over the two mates of w_ij N_j), w as in `diffuse`
@@ -36,13 +36,13 @@ def average_along(rows: Rows, bends: Bends, ring: Ring, out: Rows, run: Crew) ->
         The averages, and a buffer that is free: one is `rows`, the other `out`.
     """
     mates, further = np.empty((len(rows), 2), np.int32), np.empty((len(rows), 2), np.int32)
-    run(_walk, len(rows), rows, bends, ring, mates)
+    parallel_for(_walk, len(rows), rows, bends, ring, mates)
     for level in range(DOUBLINGS):
         if level:
-            run(_double, len(rows), rows, bends, mates, further)
+            parallel_for(_double, len(rows), rows, bends, mates, further)
             mates, further = further, mates
         scale = np.float32(1 / max(STOP**2 * _typical_step(rows, mates), 1e-10))
-        run(_average, len(rows), rows, mates, scale, out)
+        parallel_for(_average, len(rows), rows, mates, scale, out)
         rows, out = out, rows
     return rows, out
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from planish.geometry.distances import distances
 from planish.mesh import Topology
-from planish.parallel import Crew, crew
+from planish.parallel import ParallelFor, thread_pool
 from planish.surface.arc_lengths import lengths_over
 from planish.surface.flipped_faces import turned_over
 from planish.surface.noise import FROM_MEAN, FROM_MEDIAN, angle_defects, around, typical
@@ -130,19 +130,19 @@ def smooth_lengths(points: Floats, faces: Ints, topology: Topology, *, eye: Floa
     '0.37% 0.01%'
     """
     raw = distances(points, topology.edges)
-    with crew() as run:
-        scan = look_at(points, faces, topology, raw, run)
-        raw_defects = angle_defects(raw, faces, topology, len(points), run)
+    with thread_pool() as parallel_for:
+        scan = look_at(points, faces, topology, raw, parallel_for)
+        raw_defects = angle_defects(raw, faces, topology, len(points), parallel_for)
         buckling = math.sqrt(float(np.quantile(raw_defects, 0.25))) if len(raw_defects) else 0.0
         noisy = _is_noisy(buckling, typical_step(scan.rows, scan.edges))
-        wanted = _look_for_noise(scan, run) if noisy else 0
+        wanted = _look_for_noise(scan, parallel_for) if noisy else 0
         for rounds in dict.fromkeys((wanted, 0)):
-            surface = find_surface(scan, rounds, run)
+            surface = find_surface(scan, rounds, parallel_for)
             moved, left = scan.points, 1.0
             if rounds and eye is not None:
-                moved, left = _without_its_noise(scan, surface, eye, run)
-            rest = lengths_over(moved, surface.normals, surface.bends, scan.edges, run)
-            defects = angle_defects(rest, faces, topology, len(points), run)
+                moved, left = _without_its_noise(scan, surface, eye, parallel_for)
+            rest = lengths_over(moved, surface.normals, surface.bends, scan.edges, parallel_for)
+            defects = angle_defects(rest, faces, topology, len(points), parallel_for)
             slack = NOISY_SLACK if rounds else CLEAN_SLACK
             if defects.sum() <= WORSE * raw_defects.sum() + slack * len(defects):
                 break
@@ -150,8 +150,8 @@ def smooth_lengths(points: Floats, faces: Ints, topology: Topology, *, eye: Floa
             return _without_noise(raw, surface, scan, buckling, Smoothing.REFUSED)
         if not rounds:
             return _without_noise(rest, surface, scan, buckling, Smoothing.CLEAN)
-        noise = FROM_MEAN * around(scan.points, surface.off, scan.spacing, run)
-        turned = turned_over(scan.points, faces, surface.normals, run)
+        noise = FROM_MEAN * around(scan.points, surface.off, scan.spacing, parallel_for)
+        turned = turned_over(scan.points, faces, surface.normals, parallel_for)
     return SmoothLengths(rest, surface.normals, noise, float(np.median(noise)), Smoothing.SMOOTHED, turned, left)
 
 
@@ -165,9 +165,9 @@ def _is_noisy(buckling: float, step: float) -> bool:
     return buckling > BUCKLED and buckling**2 > min(BENT * math.sqrt(step), MOSTLY_NOISE) * step
 
 
-def _look_for_noise(scan: Scan, run: Crew) -> int:
+def _look_for_noise(scan: Scan, parallel_for: ParallelFor) -> int:
     """Note where there is more and less noise, and say how many rounds of smoothing it asks for."""
-    noise = FROM_MEAN * around(scan.points, scan.ring_noise, scan.spacing, run)
+    noise = FROM_MEAN * around(scan.points, scan.ring_noise, scan.spacing, parallel_for)
     scan.rows[:, NOISE] = np.maximum((noise / max(float(np.median(noise)), 1e-300)) ** 2, LEAST_NOISE)
     return int(np.clip(ROUNDS_PER_NOISE * np.quantile(noise, NOISIEST) / scan.spacing, FEWEST, MOST))
 
@@ -178,13 +178,13 @@ def _without_noise(rest: Floats, surface: Surface, scan: Scan, buckling: float, 
     return SmoothLengths(rest, surface.normals, np.full(len(scan.points), noise), noise, smoothing)
 
 
-def _without_its_noise(scan: Scan, surface: Surface, eye: Floats, run: Crew) -> tuple[Floats, float]:
+def _without_its_noise(scan: Scan, surface: Surface, eye: Floats, parallel_for: ParallelFor) -> tuple[Floats, float]:
     """Points moved along their rays onto the surface, and the part of the noise that this leaves.
 
     What is alike over several points does not show as noise, and stays: noise of variance s^2 that moves points by m,
     rms, leaves s^2 - m^2.
     """
     noise = typical(surface.off)
-    moved = onto_surface(scan.points, surface.normals, scan.ring, eye - scan.middle, noise / scan.spacing, run)
+    moved = onto_surface(scan.points, surface.normals, scan.ring, eye - scan.middle, noise / scan.spacing, parallel_for)
     gone = np.einsum("ij,ij->i", moved - scan.points, surface.normals)
     return moved, math.sqrt(max(1 - float(np.median(gone * gone)) / max(FROM_MEDIAN**-2 * noise**2, 1e-300), 0.0))

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planish.mesh import Topology, neighbours
-from planish.parallel import Crew
+from planish.parallel import ParallelFor
 from planish.surface.creases import carry, find_sides, to_sides
 from planish.surface.curvature import Bends, find_bends
 from planish.surface.noise import ring_noise, surface_noise, typical
@@ -77,7 +77,7 @@ class Surface(NamedTuple):
     off: NDArray[np.float32]
 
 
-def look_at(points: Floats, faces: Ints, topology: Topology, raw: Floats, run: Crew) -> Scan:
+def look_at(points: Floats, faces: Ints, topology: Topology, raw: Floats, parallel_for: ParallelFor) -> Scan:
     """Prepare a mesh whose edges are `raw` long."""
     middle = np.array([points[:, k].mean() for k in range(3)]) if len(points) else np.zeros(3)
     centred = points - middle
@@ -86,29 +86,31 @@ def look_at(points: Floats, faces: Ints, topology: Topology, raw: Floats, run: C
     some = raw[:: max(1, len(raw) // SAMPLE)]
     spacing = float(np.median(some)) if len(some) else 0.0
     mean_square = float(raw @ raw) / max(len(raw), 1)
-    noise = ring_noise(centred, rows, ring, run)
+    noise = ring_noise(centred, rows, ring, parallel_for)
     return Scan(centred, middle, topology.edges, ring, rows, spacing, mean_square, noise)
 
 
-def find_surface(scan: Scan, rounds: int, run: Crew) -> Surface:
+def find_surface(scan: Scan, rounds: int, parallel_for: ParallelFor) -> Surface:
     """Smooth the normals of a scan by so many rounds; with none only points on creases are given a side."""
     points, ring, edges = scan.points, scan.ring, scan.edges
     rows, spare = scan.rows.copy(), np.empty_like(scan.rows)
     flat = np.zeros((len(rows), 4), np.float32)
     for k in range(max(rounds, 1)):
         if k == int(MIDWAY * rounds):
-            noise = typical(surface_noise(points, rows, flat, 0.0, run))
-            to_sides(rows, find_sides(points, rows, flat, ring, 1, noise, scan.spacing, run), spare, run)
+            noise = typical(surface_noise(points, rows, flat, 0.0, parallel_for))
+            to_sides(
+                rows, find_sides(points, rows, flat, ring, 1, noise, scan.spacing, parallel_for), spare, parallel_for
+            )
             rows, spare = spare, rows
         if rounds:
-            diffuse(rows, ring, REACH * typical_step(rows, edges), spare, run)
+            diffuse(rows, ring, REACH * typical_step(rows, edges), spare, parallel_for)
             rows, spare = spare, rows
-    bends = find_bends(rows, ring, REACH * typical_step(rows, edges), BENDS_SMOOTHED, run)
+    bends = find_bends(rows, ring, REACH * typical_step(rows, edges), BENDS_SMOOTHED, parallel_for)
     if rounds:
-        rows, spare = average_along(rows, bends, ring, spare, run)
-    off = surface_noise(points, rows, bends, rounds * PATCH * scan.mean_square, run)
+        rows, spare = average_along(rows, bends, ring, spare, parallel_for)
+    off = surface_noise(points, rows, bends, rounds * PATCH * scan.mean_square, parallel_for)
     noise = typical(off)
-    source = find_sides(points, rows, bends, ring, 2, noise, scan.spacing, run)
-    normals = carry(points, rows, bends, source, run)
-    folds = points_at_folds(normals, ring, run)
-    return Surface(refit(points, normals, ring, folds, noise, scan.spacing, run), bends[source], off)
+    source = find_sides(points, rows, bends, ring, 2, noise, scan.spacing, parallel_for)
+    normals = carry(points, rows, bends, source, parallel_for)
+    folds = points_at_folds(normals, ring, parallel_for)
+    return Surface(refit(points, normals, ring, folds, noise, scan.spacing, parallel_for), bends[source], off)

@@ -108,7 +108,7 @@ class Restoration:
     rendered, unshaded, binary : Page or None
         None where the scan has no photo, or where that stage was not asked for. Of the whole sheet.
     report : Report
-        With the place of the spine, along which `planish.split` cuts these pages in two.
+        With the place of the spine, along which `planish.split_pages` cuts these pages in two.
     clipped : (rows, cols) bool or None
         Pixels of the page with a channel at its greatest value in the photo, where shade was removed.
     light : (rows, cols, 3) float32 or None

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from planish.mesh import Cleaned, rasterise
+from planish.mesh import Cleaned, rasterize
 from planish.report.drawing import eight_bit
 from planish.report.heat import TOP, over_page, round_above, round_span
 from planish.types import Floats, Page, Restoration
@@ -227,7 +227,7 @@ def _from_above(done: Restoration, fall: Settling) -> NDArray[np.uint8]:
     margin, scale, (width, height) = _frame(size_mm)
     standing, lying = (state[:, :2] * [1, -1] + np.array(size_mm) / 2 for state in fall.states[[0, -1]])
     faces = fall.faces
-    face, w = rasterise((standing + margin) * scale - 0.5, faces, (height, width), nearness=fall.states[0, :, 2])
+    face, w = rasterize((standing + margin) * scale - 0.5, faces, (height, width), nearness=fall.states[0, :, 2])
     weights = np.concatenate([1 - w.sum(axis=2, keepdims=True), w], axis=2)
     place = np.einsum("rck,rckd->rcd", weights, lying[faces[np.maximum(face, 0)]])
     page = _small(done.rendered)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planish.flattening import settle
-from planish.mesh import Coarse, Topology, area_vectors, carry, stand_on_table, subsample, topology
+from planish.mesh import Coarse, Topology, area_vectors, onto_support_plane, prolongate, subsample, topology
 from planish.settings import VerletSettings
 from planish.sticks import make_sticks
 from planish.types import Floats, Ints, Mesh, Outcome
@@ -151,7 +151,7 @@ def _fallen(mesh: Mesh) -> tuple[NDArray[np.float32], Outcome]:
     """Every state of a falling sheet (t, n, 3), and how it ended."""
     sticks = make_sticks(mesh, topology(mesh.faces, len(mesh.points)), "unfolded")
     history: list[NDArray[np.float32]] = []
-    standing = Mesh(stand_on_table(mesh)[0], mesh.faces)
+    standing = Mesh(onto_support_plane(mesh)[0], mesh.faces)
     done = settle(standing, sticks, SLOWLY, watch=lambda points: history.append(points.astype(np.float32)))
     states = np.array(history)
     width = np.ptp(states, axis=1).max(axis=1)
@@ -180,5 +180,5 @@ def _carried(coarse: Coarse, points: Floats, states: Floats) -> Floats:
     upright = np.stack([area_vectors(state, faces) for state in states], axis=1)  # (m, t, 3)
     upright /= np.maximum(np.linalg.norm(upright, axis=2, keepdims=True), 1e-300)
     places = states.transpose(1, 0, 2).reshape(-1, 3 * count)
-    carried = carry(coarse, points, places, upright.reshape(-1, 3 * count))
+    carried = prolongate(coarse, points, places, upright.reshape(-1, 3 * count))
     return carried.reshape(-1, count, 3).transpose(1, 0, 2)

@@ -15,7 +15,7 @@ from starlette.routing import Match, Route
 from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp
 
-from planish import __version__
+from planish.version import __version__
 from planish.web.archive import zipped
 from planish.web.guard import VIEW_HEADERS, Guard
 from planish.web.jobs import MEDIA_TYPES, Health, JobState

@@ -14,7 +14,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from planish.color import linear_light
-from planish.parallel import crew
+from planish.parallel import thread_pool
 from planish.types import Floats, Pixels
 
 Direction = Literal["rows", "columns"]
@@ -163,9 +163,9 @@ def find_stripes(
     found = np.full((count, lines, 3), np.nan)
     tallies = np.zeros((count, 2), np.int64)
     clipped = int(CLIPPED * (levels - 1))
-    with crew() as run:
+    with thread_pool() as parallel_for:
         given = code, light, noise * slope, off.light, off.reflectance, change, clipped
-        run(_search, count, *given, found, tallies, block=64)
+        parallel_for(_search, count, *given, found, tallies, block=64)
     return Stripes(
         found[..., 0], found[..., 1], found[..., 2], float(tallies[:, 1].sum() / max(tallies[:, 0].sum(), 1))
     )

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from planish.acquire.grid_mesh import Acquired, grid_mesh
+from planish.acquire.laser.crossings import Sweep
 from planish.acquire.laser.stripes import Direction, find_stripes, laser_channel, print_of
 from planish.acquire.laser.sweep_grid import cell_of, gridded
 from planish.acquire.laser.sweep_order import check_order
@@ -39,23 +39,6 @@ WALL_MISFIT = 0.005
 """Rms, in parts of the lit stretch, by which a line on the background may miss one plane."""
 
 Tell = Callable[[str, float], None]
-
-
-class Sweep(NamedTuple):
-    """Where the laser lines cross the rows (or columns) of every photo.
-
-    Attributes
-    ----------
-    at, sd : (frames, count, lines) float32 [px]
-        Place and its standard deviation; NaN where no line was found.
-    along : {"rows", "columns"}
-    warnings : list of str
-    """
-
-    at: Floats
-    sd: Floats
-    along: Direction
-    warnings: list[str]
 
 
 def sweep_stripes(

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numba import njit
 
 from planish.acquire.grid_mesh import STEEPEST
-from planish.parallel import crew
+from planish.acquire.laser.crossings import Sweep
+from planish.parallel import thread_pool
 from planish.types import Camera, Floats
-
-if TYPE_CHECKING:
-    from planish.acquire.laser.sweep import Sweep
 
 WIDEST_GAP = 4.0
 """Between two photos' lines, in grid cells: what lies in a wider one was not seen."""
@@ -43,8 +39,8 @@ def gridded(sweep: Sweep, inverse: Floats, camera: Camera, cell: int) -> tuple[F
     shape = -(-count // cell), -(-length // cell)
     grid_w, agree, grid_sd = (np.full(shape, np.nan) for _ in range(3))
     focal = camera.matrix[0, 0] if sweep.along == "rows" else camera.matrix[1, 1]
-    with crew() as run:
-        run(_fit_grid, shape[0], cell, at, w, sd, used, focal, grid_w, agree, grid_sd, block=8)
+    with thread_pool() as parallel_for:
+        parallel_for(_fit_grid, shape[0], cell, at, w, sd, used, focal, grid_w, agree, grid_sd, block=8)
     depth = 1 / grid_w
     return depth, agree, grid_sd * depth**2
 

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from planish.acquire.laser.crossings import Sweep
 from planish.errors import InputError
 from planish.geometry import project
 from planish.geometry.triangulation import meet_plane, rays
 from planish.types import Camera, Floats
-
-if TYPE_CHECKING:
-    from planish.acquire.laser.sweep import Sweep
 
 STILL = 0.05
 """Of the usual step: two photos in which the line has moved by less show it in one place."""

@@ -9,7 +9,7 @@ from scipy import ndimage, sparse
 from planish.acquire.range_image.depth import on_white
 from planish.errors import InputError
 from planish.geometry import depths, project
-from planish.mesh import rasterise, without_crumbs
+from planish.mesh import rasterize, without_small_components
 from planish.types import Bools, Camera, Floats, Mesh
 
 MOSTLY = 0.5
@@ -57,14 +57,14 @@ def cut_out(mesh: Mesh, camera: Camera, sheet: Bools, rim_mm: float, noise_mm: f
             "none of the points lie on the sheet that the photo shows; do photo, camera, mask and points belong "
             "together?"
         )
-    used, faces = without_crumbs(faces, len(xy))
+    used, faces = without_small_components(faces, len(xy))
     return Mesh(mesh.points[used], faces)
 
 
 def _seen(mesh: Mesh, camera: Camera, xy: Floats, reach_mm: float) -> Bools:
     """Which points of a mesh have nothing before them."""
     depth = depths(camera, mesh.points)
-    face, weights = rasterise(xy, mesh.faces, camera.shape_rc, nearness=1 / depth, perspective=True)
+    face, weights = rasterize(xy, mesh.faces, camera.shape_rc, nearness=1 / depth, perspective=True)
     drawn = np.full(face.shape, np.inf)
     row, col = np.nonzero(face >= 0)
     w = weights[row, col].astype(np.float64)

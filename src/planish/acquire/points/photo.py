@@ -7,7 +7,7 @@ from scipy import ndimage
 from scipy.spatial import cKDTree
 
 from planish.geometry import depths, project
-from planish.mesh import point_normals, rasterise
+from planish.mesh import point_normals, rasterize
 from planish.types import Camera, Floats, Mesh, Pixels
 
 FAR = 3.0
@@ -69,7 +69,7 @@ def photo_of_points(mesh: Mesh, camera: Camera, points: Floats, colours: Pixels)
     -------
     (rows, cols, 3) uint8 or uint16
     """
-    face, weights = rasterise(
+    face, weights = rasterize(
         project(camera, mesh.points),
         mesh.faces,
         camera.shape_rc,

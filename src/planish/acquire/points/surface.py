@@ -11,7 +11,7 @@ from scipy import ndimage
 from scipy.spatial import cKDTree
 
 from planish.errors import InputError, MissingExtraError
-from planish.mesh import without_crumbs
+from planish.mesh import without_small_components
 from planish.types import Bools, Floats, Ints, Mesh
 
 CELL = 1.5
@@ -96,7 +96,7 @@ def surface(points: Floats, normals: Floats, spacing_mm: float) -> Mesh:
     faces = np.ascontiguousarray(faces[_on_sheet(vertices, points, normals, tree)[faces].all(axis=1)])
     if not len(faces):
         raise none
-    used, faces = without_crumbs(faces, len(vertices))
+    used, faces = without_small_components(faces, len(vertices))
     return Mesh(vertices[used], faces)
 
 

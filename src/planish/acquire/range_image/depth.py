@@ -14,7 +14,7 @@ from planish.document.sheet_outline import sheet_mask
 from planish.errors import InputError
 from planish.geometry import project
 from planish.geometry.triangulation import rays
-from planish.parallel import crew
+from planish.parallel import thread_pool
 from planish.types import Bools, Camera, Floats, Pixels, Scan
 
 OUTLIER = 3.5
@@ -94,8 +94,8 @@ def averaged(stack: Floats | NDArray[np.float32]) -> tuple[Floats, Floats]:
     """
     frames, rows, cols = stack.shape
     depth, agree = np.empty(rows * cols), np.empty(rows * cols)
-    with crew() as run:
-        run(_average, rows * cols, stack.reshape(frames, -1), depth, agree, block=1 << 13)
+    with thread_pool() as parallel_for:
+        parallel_for(_average, rows * cols, stack.reshape(frames, -1), depth, agree, block=1 << 13)
     return depth.reshape(rows, cols), agree.reshape(rows, cols)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from planish.parallel import crew
+from planish.parallel import thread_pool
 from planish.types import Bools, Floats, Ints, freeze
 
 Grey = NDArray[np.uint8] | NDArray[np.uint16]
@@ -113,9 +113,9 @@ def decode(frames: Grey, shape_rc: tuple[int, int], *, unread: int = 0) -> Codes
     confidence = np.empty(rows * cols)
     bits = bits_for(shape_rc[1]), bits_for(shape_rc[0])
     least = LIT * bright_end(frames)
-    with crew() as run:
+    with thread_pool() as parallel_for:
         sizes = bits[0], bits[1], unread, shape_rc[1], shape_rc[0]
-        run(_decode, rows * cols, flat, *sizes, least, number, confidence, block=1 << 12)
+        parallel_for(_decode, rows * cols, flat, *sizes, least, number, confidence, block=1 << 12)
     return Codes(number[0].reshape(rows, cols), number[1].reshape(rows, cols), confidence.reshape(rows, cols))
 
 

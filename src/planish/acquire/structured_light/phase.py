@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from planish.acquire.structured_light import gray_code
 from planish.acquire.structured_light.gray_code import LIT, Codes, Grey, bright_end, decode, frame_count
 from planish.errors import InputError, UsageError
-from planish.parallel import crew
+from planish.parallel import thread_pool
 from planish.types import Floats
 
 PERIOD = 16
@@ -148,8 +148,8 @@ def phased(frames: Grey, waves: Grey, shape_rc: tuple[int, int]) -> Phased:
     codes = np.stack([coarse.column, coarse.row])
     limits = np.array([shape_rc[1], shape_rc[0]]) - 0.5
     least = 0.5 * LIT * bright_end(frames)
-    with crew() as run:
-        run(_phase, shape[0], waves, codes, contrast, limits, least, place, weight, confidence, block=16)
+    with thread_pool() as parallel_for:
+        parallel_for(_phase, shape[0], waves, codes, contrast, limits, least, place, weight, confidence, block=16)
     return Phased(place, weight, confidence)
 
 

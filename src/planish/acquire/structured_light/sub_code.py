@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from planish.acquire.structured_light.gray_code import Codes, Grey, bits_for
 from planish.acquire.structured_light.phase import Phased
-from planish.parallel import crew
+from planish.parallel import thread_pool
 from planish.types import Bools, Floats, Ints
 
 REACH = 4
@@ -83,8 +83,8 @@ def refined(
         if waves is not None:
             value, weight = np.dstack([value, waves.place[..., axis]]), np.dstack([weight, waves.weight[..., axis]])
             own = np.where(waves.weight[..., axis] > 0, waves.place[..., axis], own)
-        with crew() as run:
-            run(_fit, len(code), wanted, own, at, value, weight, place[..., axis], block=16)
+        with thread_pool() as parallel_for:
+            parallel_for(_fit, len(code), wanted, own, at, value, weight, place[..., axis], block=16)
     return place
 
 
@@ -100,8 +100,8 @@ def _crossings(
     weight : how surely it is known; 0 where there is no edge
     """
     at, value, weight = (np.zeros((*code.shape, 2), np.float32) for _ in range(3))
-    with crew() as run:
-        run(_cross, len(code), pairs, code, contrast, at, value, weight, block=32)
+    with thread_pool() as parallel_for:
+        parallel_for(_cross, len(code), pairs, code, contrast, at, value, weight, block=32)
     return at, value, weight
 
 

@@ -5,17 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+from planish.cli.acquire.virtual_files import BOARD_MM, write_camera, write_images
 from planish.cli.options import Output, Quiet
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from numpy.typing import NDArray
-
     from planish.gallery import Sheet
-    from planish.types import Camera, Page
-
-BOARD_MM = 18.0
+    from planish.types import Page
 
 
 def virtual(
@@ -115,22 +110,3 @@ def _boards(folder: Path, small: bool, phase_steps: int) -> None:
         write_images(folder / f"pose_{k}", list(made.frames))
         whites.append(made.frames[-2])
     write_images(folder / "camera", whites)
-
-
-def write_images(folder: Path, images: Iterable[NDArray], name: str = "{:03d}.png") -> None:
-    """Write PNG files, numbered from 0, into a folder that is made if there is none."""
-    from planish.io import make_folder
-    from planish.io.files import write_bytes
-    from planish.io.pages import png_bytes
-
-    make_folder(folder)
-    for k, image in enumerate(images):
-        write_bytes(folder / name.format(k), png_bytes(image))
-
-
-def write_camera(path: Path, camera: Camera) -> None:
-    """Write a camera as JSON."""
-    from planish.io import write_json
-    from planish.io.cameras import camera_as_json
-
-    write_json(path, camera_as_json(camera))

@@ -28,7 +28,7 @@ def grid(folder: Path, sheet: Sheet, small: bool) -> Page:
 
 def points(folder: Path, sheet: Sheet, small: bool) -> Page:
     """Write points.ply, a photogrammetry cloud, and a photo with its camera."""
-    from planish.cli.acquire.virtual import write_camera, write_images
+    from planish.cli.acquire.virtual_files import write_camera, write_images
     from planish.gallery.clouds import photo_points
 
     made = photo_points(sheet, points=75_000, photo_px=(2000, 1500)) if small else photo_points(sheet)

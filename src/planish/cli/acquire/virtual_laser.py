@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from planish.cli.acquire.virtual import BOARD_MM, write_camera, write_images
+from planish.cli.acquire.virtual_files import BOARD_MM, write_camera, write_images
 
 if TYPE_CHECKING:
     from planish.gallery import Sheet

@@ -9,10 +9,10 @@ from numba import njit
 from numpy.typing import NDArray
 
 from planish.color import code_values
-from planish.parallel import crew
+from planish.parallel import thread_pool
 from planish.render.blend import Blend
-from planish.render.photo_view import Sight
-from planish.render.rasterize_ids import cover
+from planish.render.photo_view import PhotoView
+from planish.render.rasterize_ids import rasterize_ids
 from planish.render.sample import maps_of_faces, sample
 from planish.types import Bools, Ints, Pixels
 
@@ -22,8 +22,8 @@ SLIGHT = 0.01
 """A share of a pixel below this is drawn only where no photo has more."""
 
 
-def paint(
-    seen: Sequence[Sight], blend: Blend | None, shape_rc: tuple[int, int], px_per_mm: float
+def render_bands(
+    seen: Sequence[PhotoView], blend: Blend | None, shape_rc: tuple[int, int], px_per_mm: float
 ) -> tuple[Pixels, Bools]:
     """Draw all pixels of a page.
 
@@ -45,38 +45,38 @@ def paint(
     rows, cols = shape_rc
     dtype = np.result_type(*(sight.photo.dtype for sight in seen))
     pixels, known = np.empty((rows, cols, 3), dtype), np.empty((rows, cols), np.bool_)
-    brushes = [_Brush(sight, px_per_mm) for sight in seen]
+    brushes = [_Sampler(sight, px_per_mm) for sight in seen]
     codes, band = code_values(dtype), max(1, BAND_PIXELS // cols)
     light = np.empty((min(band, rows), cols, 3), np.float32)
     for top in range(0, rows, band):
         here = slice(top, min(top + band, rows))
         if blend is None:
-            brushes[0].stroke(brushes[0].cover((here.stop - top, cols), top), top, light, known[here])
+            brushes[0].sample(brushes[0].rasterize_ids((here.stop - top, cols), top), top, light, known[here])
         else:
             _mix(brushes, blend, top, px_per_mm, light, known[here])
-        with crew() as run:
-            run(_encode, here.stop - top, light, known[here], codes, pixels[here], block=64)
+        with thread_pool() as parallel_for:
+            parallel_for(_encode, here.stop - top, light, known[here], codes, pixels[here], block=64)
     return pixels, known
 
 
-class _Brush:
+class _Sampler:
     """A sight made ready to draw a page of certain pixels."""
 
-    def __init__(self, sight: Sight, px_per_mm: float) -> None:
-        chart = sight.chart
+    def __init__(self, sight: PhotoView, px_per_mm: float) -> None:
+        chart = sight.uv_map
         self.photo, self.faces = sight.photo, sight.faces
         self.pixel_xy = chart.page_xy * px_per_mm - 0.5
         self.maps = maps_of_faces(self.pixel_xy, chart.photo_xy, chart.jacobian / px_per_mm, sight.faces)
 
-    def cover(self, shape_rc: tuple[int, int], top: int) -> Ints:
-        return cover(self.pixel_xy, self.faces, shape_rc, top=top)
+    def rasterize_ids(self, shape_rc: tuple[int, int], top: int) -> Ints:
+        return rasterize_ids(self.pixel_xy, self.faces, shape_rc, top=top)
 
-    def stroke(self, face: Ints, top: int, light: NDArray[np.float32], known: Bools) -> None:
+    def sample(self, face: Ints, top: int, light: NDArray[np.float32], known: Bools) -> None:
         sample(self.photo, face, self.maps, top, light, known)
 
 
 def _mix(
-    brushes: Sequence[_Brush], blend: Blend, top: int, px_per_mm: float, total: NDArray[np.float32], known: Bools
+    brushes: Sequence[_Sampler], blend: Blend, top: int, px_per_mm: float, total: NDArray[np.float32], known: Bools
 ) -> None:
     """Fill a band with the weighted mean of what the photos show; what none shows well, from any that shows it."""
     rows, cols = known.shape
@@ -84,16 +84,18 @@ def _mix(
     mass = np.zeros((rows, cols), np.float32)
     total[:rows] = 0
     for slight in (False, True):
-        for i, brush in enumerate(brushes):
-            face = brush.cover((rows, cols), top)
+        for i, sampler in enumerate(brushes):
+            face = sampler.rasterize_ids((rows, cols), top)
             place = top, px_per_mm * blend.cell_mm
-            with crew() as run:
-                run(_choose, rows, face, blend.shares[i], *place, mass, slight, block=64)
-                brush.stroke(face, top, light, here)
-                run(_add, rows, light, here, blend.shares[i], blend.gains[i], *place, slight, total, mass, block=64)
+            with thread_pool() as parallel_for:
+                parallel_for(_choose, rows, face, blend.shares[i], *place, mass, slight, block=64)
+                sampler.sample(face, top, light, here)
+                parallel_for(
+                    _add, rows, light, here, blend.shares[i], blend.gains[i], *place, slight, total, mass, block=64
+                )
     known[:] = mass > 0
-    with crew() as run:
-        run(_divide, rows, total, mass, block=64)
+    with thread_pool() as parallel_for:
+        parallel_for(_divide, rows, total, mass, block=64)
 
 
 @njit(cache=True)

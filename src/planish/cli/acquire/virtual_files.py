@@ -1,0 +1,35 @@
+"""Files that the virtual devices have in common."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from numpy.typing import NDArray
+
+    from planish.types import Camera
+
+BOARD_MM = 18.0
+"""Side of a square of the boards."""
+
+
+def write_images(folder: Path, images: Iterable[NDArray], name: str = "{:03d}.png") -> None:
+    """Write PNG files, numbered from 0, into a folder that is made if there is none."""
+    from planish.io import make_folder
+    from planish.io.files import write_bytes
+    from planish.io.pages import png_bytes
+
+    make_folder(folder)
+    for k, image in enumerate(images):
+        write_bytes(folder / name.format(k), png_bytes(image))
+
+
+def write_camera(path: Path, camera: Camera) -> None:
+    """Write a camera as JSON."""
+    from planish.io import write_json
+    from planish.io.cameras import camera_as_json
+
+    write_json(path, camera_as_json(camera))

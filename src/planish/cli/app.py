@@ -1,0 +1,17 @@
+"""The bare `planish` command, to which `main` adds the subcommands."""
+
+from cyclopts import App
+
+from planish.version import __version__
+
+app = App(
+    name="planish",
+    help="Flatten 3D-scanned warped documents: the page comes out flat, at its true size in millimetres.",
+    version=__version__,
+    version_flags=["--version"],
+    help_epilogue=(
+        "Exit codes: 0 done; 2 bad command line; 3 input cannot be used; 4 output cannot be written; 5 the sheet did "
+        "not settle (the result is still written); 6 an optional part is not installed; 130 interrupted; 143 "
+        "terminated."
+    ),
+)
