@@ -17,7 +17,7 @@ from planish.flattening import flatten
 from planish.gallery import sheet, sheet_mesh
 from planish.gallery.meshes import SCANNER_MM
 from planish.io import read_scan
-from planish.mesh import clean
+from planish.mesh import repair
 from planish.settings import FlattenSettings
 from planish.types import Scan
 from truth import rigid_rms
@@ -40,10 +40,10 @@ KINDS: dict[str, tuple[dict, np.ndarray | None, FlattenSettings]] = {
 def row(
     name: str, kind: str, scan: Scan, truth: np.ndarray, settings: FlattenSettings, eye: np.ndarray | None = None
 ) -> str:
-    cleaned = clean(scan)
-    flat = flatten(cleaned.scan.mesh, cleaned.topology, settings, eye=eye)
-    kept = cleaned.place >= 0
-    true = rigid_rms(flat.page_xy[cleaned.place[kept]], truth[kept])
+    prepared = repair(scan)
+    flat = flatten(prepared.scan.mesh, prepared.topology, settings, eye=eye)
+    kept = prepared.place >= 0
+    true = rigid_rms(flat.page_xy[prepared.mesh_rows[kept]], truth[kept])
     expected = float(np.sqrt(np.mean(flat.error_mm**2)))
     return (
         f"| {name} | {kind} | {settings.method} | {flat.solved_points:,} | {flat.outcome.name} | {true:.4f} | "

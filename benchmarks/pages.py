@@ -31,7 +31,7 @@ from likeness import as_docunet, grey
 from machine import machine
 from planish.illumination import remove_shading
 from planish.io import read_scan, write_page
-from planish.mesh import clean
+from planish.mesh import repair
 from planish.render import draw
 from planish.surface import smooth_normals
 from truth import character_error, read_text
@@ -46,7 +46,7 @@ def drawn_through_truth(case: Case, path: Path) -> None:
     """The page as the same drawing and removal of shade make it when every point lies where it truly does."""
     scan = read_scan(case.scan).scan
     shaded = draw(scan, case.flat, case.size_mm).page
-    write_page(path, remove_shading(shaded, scan, case.flat, smooth_normals(scan.mesh, clean(scan).topology)).page)
+    write_page(path, remove_shading(shaded, scan, case.flat, smooth_normals(scan.mesh, repair(scan).topology)).page)
 
 
 # --- measures -------------------------------------------------------------------------------------------------------

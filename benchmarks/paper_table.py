@@ -19,7 +19,7 @@ from machine import machine
 from planish.flattening import settle
 from planish.gallery import sheet, virtual_scan
 from planish.io import read_scan
-from planish.mesh import clean, onto_support_plane, prolongate, subsample, topology
+from planish.mesh import onto_support_plane, prolongate, repair, subsample, topology
 from planish.report import flipped_faces
 from planish.settings import VerletSettings
 from planish.sticks import make_sticks
@@ -38,13 +38,13 @@ def cases(folders: list[Path]):
 
 
 def rows(name: str, scan: Scan, truth: np.ndarray, lengths: str, all_steps: int):
-    cleaned = clean(scan)
-    mesh = cleaned.scan.mesh
+    prepared = repair(scan)
+    mesh = prepared.scan.mesh
     points, _, _ = onto_support_plane(mesh)
     standing = Mesh(points, mesh.faces)
-    truth = truth[cleaned.place.argsort(kind="stable")[(cleaned.place < 0).sum() :]]
+    truth = truth[prepared.place.argsort(kind="stable")[(prepared.place < 0).sum() :]]
     for count in (1_000, 4_000, 16_000, len(points)):
-        coarse = subsample(standing, cleaned.topology, count) if count < len(points) else None
+        coarse = subsample(standing, prepared.topology, count) if count < len(points) else None
         solved = coarse.mesh if coarse else standing
         topo = topology(solved.faces, len(solved.points))
         settings = VerletSettings() if coarse else VerletSettings(max_steps=all_steps)

@@ -29,7 +29,7 @@ from planish.gallery import Light, Sheet, VirtualScan, sheet, typeset_page, virt
 from planish.gallery.light import irradiance
 from planish.gallery.sheets import normals
 from planish.illumination import EvenlyLit, remove_shading
-from planish.mesh import repair as clean
+from planish.mesh import repair as repair
 from planish.render import draw
 from planish.settings import ShadingSettings
 from planish.surface import smooth_normals
@@ -93,8 +93,8 @@ def scanned(name: str, light: str, print_: str) -> Case:
         others = [np.asarray(virtual_scan(bent, printed=printed, light=lamp).scan.photo) for lamp in LIGHTS[light][1:]]
         photo = relit([photo, *others], vignette=VIGNETTE * (light == "vignette"), tint=TINTS.get(light, (1, 1, 1)))
         made = replace(made, scan=replace(made.scan, photo=photo))
-    cleaned = clean(made.scan)
-    found = smooth_normals(made.scan.mesh, cleaned.topology)
+    prepared = repair(made.scan)
+    found = smooth_normals(made.scan.mesh, prepared.topology)
     page = draw(made.scan, made.truth_xy, (bent.width_mm, bent.height_mm)).page
     return Case(made, bounced(page, bent) if light == BOUNCE else page, found)
 

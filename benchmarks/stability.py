@@ -28,7 +28,7 @@ from planish.flattening import drop, settle
 from planish.flattening.quad_mesh import lattice_springs, lay_lattice
 from planish.flattening.verlet import Settled, at_rest, project, relax, shuffled
 from planish.gallery import sheet, virtual_scan
-from planish.mesh import Coarse, clean, onto_support_plane, prolongate, subsample, topology
+from planish.mesh import Coarse, onto_support_plane, prolongate, repair, subsample, topology
 from planish.settings import MassSpringSettings, VerletSettings
 from planish.sticks import make_sticks
 from planish.types import Floats, Mesh, Outcome, Sticks
@@ -89,11 +89,11 @@ class Case:
 def cases(count: int):
     for name, noise in (("book", 0.0), ("letter", 0.05)):
         made = virtual_scan(sheet(name), photo_px=None, noise_mm=noise)
-        cleaned = clean(made.scan)
-        mesh = cleaned.scan.mesh
-        truth = made.truth_xy[cleaned.place.argsort(kind="stable")[(cleaned.place < 0).sum() :]]
+        prepared = repair(made.scan)
+        mesh = prepared.scan.mesh
+        truth = made.truth_xy[prepared.place.argsort(kind="stable")[(prepared.place < 0).sum() :]]
         lattice = lay_lattice(mesh, count)
-        coarse = subsample(mesh, cleaned.topology, count)
+        coarse = subsample(mesh, prepared.topology, count)
         sticks = make_sticks(coarse.mesh, topology(coarse.mesh.faces, len(coarse.mesh.points)), "unfolded")
         yield Case(name, mesh.points, truth, lattice.coarse, lattice_springs(lattice, "unfolded"), coarse, sticks)
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from planish.flattening import settle
 from planish.gallery import sheet, sheet_mesh
-from planish.mesh import clean, onto_support_plane, subsample, topology
+from planish.mesh import onto_support_plane, repair, subsample, topology
 from planish.sticks import make_sticks
 from planish.types import Mesh, Scan
 from planish.view.settling import FALLING_POINTS, SLOWLY
@@ -21,8 +21,8 @@ def main() -> None:
     print("| sheet | time step | outcome | steps | for 9/10 of the way | seconds |")
     print("|---|---|---|---|---|---|")
     for name in SHEETS:
-        cleaned = clean(Scan(sheet_mesh(sheet(name), points=60_000)[0]))
-        mesh = subsample(cleaned.scan.mesh, cleaned.topology, FALLING_POINTS).mesh
+        prepared = repair(Scan(sheet_mesh(sheet(name), points=60_000)[0]))
+        mesh = subsample(prepared.scan.mesh, prepared.topology, FALLING_POINTS).mesh
         sticks = make_sticks(mesh, topology(mesh.faces, len(mesh.points)), "unfolded")
         standing = Mesh(onto_support_plane(mesh)[0], mesh.faces)
         for time_step in TIME_STEPS:

@@ -28,7 +28,7 @@ def main() -> None:
     scan = virtual_scan(sheet("letter"), noise_mm=0.05).scan
     with TemporaryDirectory() as folder, browser() as program:
         path = Path(folder) / "letter.html"
-        path.write_bytes(view_page(scan, planish.restore(scan), "A letter folded in three"))
+        path.write_bytes(view_page(planish.restore(scan), "A letter folded in three"))
         page = program.new_page(viewport=SIZE)
         page.goto(path.as_uri())
         page.wait_for_selector(":root[data-ready]")

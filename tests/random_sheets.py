@@ -7,7 +7,7 @@ import numpy as np
 import planish
 from planish.errors import InputError
 from planish.gallery import SHEETS, sheet, sheet_mesh
-from planish.mesh import clean
+from planish.mesh import repair
 from planish.types import Mesh, Scan
 
 LIMIT = 10.0
@@ -65,11 +65,11 @@ def check(seed: int) -> str:
     flat, said = done.flattening, done.report.flatten
     assert np.isfinite(flat.page_xy).all(), seed
     assert np.isfinite([*flat.size_mm, said.strain_rms, said.expected_error_mm]).all(), seed
-    cleaned = clean(scan)
-    kept = cleaned.place >= 0
-    page = np.zeros((len(cleaned.scan.mesh.points), 2))
-    page[cleaned.place[kept]] = flat.page_xy[kept]
-    ab, ac = (page[cleaned.scan.mesh.faces[:, k]] - page[cleaned.scan.mesh.faces[:, 0]] for k in (1, 2))
+    prepared = repair(scan)
+    kept = prepared.place >= 0
+    page = np.zeros((len(prepared.scan.mesh.points), 2))
+    page[prepared.mesh_rows[kept]] = flat.page_xy[kept]
+    ab, ac = (page[prepared.scan.mesh.faces[:, k]] - page[prepared.scan.mesh.faces[:, 0]] for k in (1, 2))
     flips = int((ab[:, 0] * ac[:, 1] - ab[:, 1] * ac[:, 0] >= 0).sum())
     shared = any("touch in a point" in warning for warning in done.report.warnings)
     assert said.flipped_faces == flips or shared, seed

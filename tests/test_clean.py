@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from planish.errors import InputError
-from planish.mesh import clean, onto_support_plane, topology
+from planish.mesh import onto_support_plane, repair, topology
 from planish.types import Mesh, Scan
 from shapes import arch, grid
 
@@ -24,19 +24,19 @@ def looks_consistent(faces, count):
 
 def test_a_good_sheet_passes_unchanged_and_without_a_word():
     points, faces = sheet()
-    c = clean(scan_of(points, faces))
+    c = repair(scan_of(points, faces))
     np.testing.assert_array_equal(c.scan.mesh.points, points)
     np.testing.assert_array_equal(c.scan.mesh.faces, faces)
-    np.testing.assert_array_equal(c.place, np.arange(len(points)))
-    assert (c.pieces, c.holes, c.warnings) == (1, 0, [])
+    np.testing.assert_array_equal(c.mesh_rows, np.arange(len(points)))
+    assert (c.pieces, c.holes, c.warnings) == (1, 0, ())
 
 
 def test_a_hole_is_counted():
     points, faces = sheet()
     gone = (faces == 3 * 6 + 3).any(axis=1)
-    c = clean(scan_of(points, faces[~gone]))
+    c = repair(scan_of(points, faces[~gone]))
     assert c.holes == 1
-    assert c.place[3 * 6 + 3] == -1
+    assert c.mesh_rows[3 * 6 + 3] == -1
     assert any("1 points belong to no face" in w for w in c.warnings)
 
 
@@ -44,8 +44,8 @@ def test_points_that_are_not_finite_are_left_out_with_their_faces():
     points, faces = sheet()
     points[7] = np.nan
     points[20, 1] = np.inf
-    c = clean(scan_of(points, faces))
-    assert c.place[7] == c.place[20] == -1
+    c = repair(scan_of(points, faces))
+    assert c.mesh_rows[7] == c.mesh_rows[20] == -1
     assert np.isfinite(c.scan.mesh.points).all()
     assert c.warnings[0].startswith("2 points are not finite numbers")
 
@@ -53,7 +53,7 @@ def test_points_that_are_not_finite_are_left_out_with_their_faces():
 def test_faces_used_twice_or_with_a_point_twice_are_left_out():
     points, faces = sheet()
     bad = np.concatenate([faces, faces[:3], [[0, 0, 1]]])
-    c = clean(scan_of(points, bad))
+    c = repair(scan_of(points, bad))
     assert len(c.scan.mesh.faces) == len(faces)
     assert len(c.warnings) == 2
 
@@ -61,7 +61,7 @@ def test_faces_used_twice_or_with_a_point_twice_are_left_out():
 def test_a_small_flap_at_an_edge_with_three_faces_is_left_out():
     points, faces = sheet(30, 30)
     points = np.r_[points, points[[200]] + [0, 0, 1]]
-    c = clean(scan_of(points, np.r_[faces, [[faces[300][0], faces[300][1], len(points) - 1]]]))
+    c = repair(scan_of(points, np.r_[faces, [[faces[300][0], faces[300][1], len(points) - 1]]]))
     assert len(c.scan.mesh.faces) == len(faces)
     assert "flap" in c.warnings[0]
 
@@ -75,13 +75,13 @@ def test_a_book_with_three_leaves_at_one_spine_is_refused():
         faces = np.r_[faces, grid(8, 6)[1] + leaf * len(uv)]
         faces[np.isin(faces, spine + leaf * len(uv))] -= leaf * len(uv)
     with pytest.raises(InputError, match="more than two faces, the first between points"):
-        clean(scan_of(points, faces))
+        repair(scan_of(points, faces))
 
 
 def test_faces_that_run_the_wrong_way_are_turned():
     points, faces = sheet()
     faces[5:9] = faces[5:9, ::-1]
-    c = clean(scan_of(points, faces))
+    c = repair(scan_of(points, faces))
     assert looks_consistent(c.scan.mesh.faces, len(points))
     assert "4 faces ran the other way round" in c.warnings[0]
     assert (
@@ -97,10 +97,10 @@ def test_the_photo_tells_which_side_is_printed(per_corner):
     points, faces = sheet()
     photo_xy = points[:, :2] * [1, -1]  # seen from above, y down
     photo_xy = photo_xy[faces] if per_corner else photo_xy
-    right = clean(scan_of(points, faces, photo_xy=photo_xy))
+    right = repair(scan_of(points, faces, photo_xy=photo_xy))
     backwards = faces[:, ::-1]
-    wrong = clean(scan_of(points, backwards, photo_xy=photo_xy[:, ::-1] if per_corner else photo_xy))
-    assert right.warnings == []
+    wrong = repair(scan_of(points, backwards, photo_xy=photo_xy[:, ::-1] if per_corner else photo_xy))
+    assert right.warnings == ()
     assert "clockwise seen from the side of the photo" in wrong.warnings[0]
     up = [
         np.cross(*(m.points[m.faces[:, k]] - m.points[m.faces[:, 0]] for k in (1, 2)))[:, 2] > 0
@@ -118,7 +118,7 @@ def test_a_seam_is_welded_and_keeps_both_photo_places():
     split = np.r_[points, points]
     faces = np.where(left[:, None], faces, faces + len(points))
     photo_xy = split[:, :2] * [1, -1] + np.repeat([[0, 0], [500, 0]], len(points), axis=0)
-    c = clean(scan_of(split, faces, photo_xy=photo_xy))
+    c = repair(scan_of(split, faces, photo_xy=photo_xy))
     assert c.pieces == 1
     assert len(c.scan.mesh.points) == len(points)
     assert c.scan.photo_xy.shape == (len(faces), 3, 2)
@@ -128,7 +128,7 @@ def test_a_seam_is_welded_and_keeps_both_photo_places():
 
 def test_a_triangle_soup_becomes_one_sheet():
     points, faces = sheet()
-    c = clean(scan_of(points[faces].reshape(-1, 3), np.arange(3 * len(faces)).reshape(-1, 3)))
+    c = repair(scan_of(points[faces].reshape(-1, 3), np.arange(3 * len(faces)).reshape(-1, 3)))
     assert (c.pieces, len(c.scan.mesh.points)) == (1, len(points))
 
 
@@ -139,7 +139,7 @@ def test_a_seam_that_was_cut_on_purpose_stays_open(slope):
     points = np.c_[radius * np.cos(uv[:, 0]), radius * np.sin(uv[:, 0]), uv[:, 1]].round(9)
     assert np.allclose(points[0], points[24])
     points[24::25] = points[::25]  # the same place to the last bit
-    c = clean(scan_of(points, faces))
+    c = repair(scan_of(points, faces))
     assert len(c.scan.mesh.points) == len(points)
     assert c.holes == 0
 
@@ -147,10 +147,10 @@ def test_a_seam_that_was_cut_on_purpose_stays_open(slope):
 def test_dust_is_left_out_and_a_second_sheet_is_kept():
     points, faces = sheet()
     speck = np.array([[900.0, 0, 0], [901, 0, 0], [900, 1, 0]])
-    c = clean(scan_of(np.r_[points, speck], np.r_[faces, [len(points) + np.arange(3)]]))
+    c = repair(scan_of(np.r_[points, speck], np.r_[faces, [len(points) + np.arange(3)]]))
     assert c.pieces == 1
     assert "1 small loose pieces" in c.warnings[0]
-    c = clean(scan_of(np.r_[points, points + [400, 0, 0]], np.r_[faces, faces + len(points)]))
+    c = repair(scan_of(np.r_[points, points + [400, 0, 0]], np.r_[faces, faces + len(points)]))
     assert c.pieces == 2
     assert "in 2 pieces" in c.warnings[0]
 
@@ -159,11 +159,11 @@ def test_the_topology_is_that_of_the_cleaned_mesh_however_points_were_renumbered
     points, faces = sheet()
     order = np.random.default_rng(0).permutation(2 * len(points))  # two sheets, their points all mixed up
     both, mixed = np.r_[points, points + np.array([400, 0, 0])], np.r_[faces, faces + len(points)]
-    c = clean(scan_of(both[order], np.argsort(order)[mixed]))
+    c = repair(scan_of(both[order], np.argsort(order)[mixed]))
     fresh = topology(c.scan.mesh.faces, len(c.scan.mesh.points))
     np.testing.assert_array_equal(c.topology.edges, fresh.edges)
     np.testing.assert_array_equal(c.topology.edge_faces, fresh.edge_faces)
-    np.testing.assert_allclose(c.scan.mesh.points[c.place], both[order])
+    np.testing.assert_allclose(c.scan.mesh.points[c.mesh_rows], both[order])
 
 
 def box():
@@ -198,13 +198,13 @@ def moebius():
 )
 def test_what_cannot_be_a_sheet_is_refused_in_a_sentence(shape, sentence):
     with pytest.raises(InputError, match=sentence):
-        clean(scan_of(*shape()))
+        repair(scan_of(*shape()))
 
 
 def test_a_hundred_thousand_random_faces_end_with_a_sentence():
     rng = np.random.default_rng(1)
     with pytest.raises(InputError):
-        clean(scan_of(rng.normal(size=(100_000, 3)), rng.integers(0, 100_000, (200_000, 3))))
+        repair(scan_of(rng.normal(size=(100_000, 3)), rng.integers(0, 100_000, (200_000, 3))))
 
 
 def rotation(rng):

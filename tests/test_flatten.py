@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from planish.flattening import flatten
-from planish.mesh import clean
+from planish.mesh import repair
 from planish.settings import FlattenSettings
 from planish.types import Mesh, Outcome, Scan
 from shapes import arch, grid, rigid_rms
@@ -19,9 +19,11 @@ POINTS = (
 
 
 def flat(xyz, faces=FACES, *, method, **settings):
-    cleaned = clean(Scan(Mesh(xyz, faces)))
-    done = flatten(cleaned.scan.mesh, cleaned.topology, FlattenSettings(method=method, lengths="unfolded", **settings))
-    return done, done.page_xy[cleaned.place]
+    prepared = repair(Scan(Mesh(xyz, faces)))
+    done = flatten(
+        prepared.scan.mesh, prepared.topology, FlattenSettings(method=method, lengths="unfolded", **settings)
+    )
+    return done, done.page_xy[prepared.mesh_rows]
 
 
 def rotation(seed):

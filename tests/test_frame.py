@@ -42,10 +42,11 @@ def test_growth_points_where_the_value_grows():
 
 
 def test_a_quarter_turn_is_clockwise_and_exact():
-    page, size = turned(UV, 90)
+    page, size, turn, shift = turned(UV, 90)
     assert size == pytest.approx((297, 210))
     top_left = np.argmin(np.abs(UV).sum(1))
     np.testing.assert_array_equal(page[top_left], [size[0], 0])  # now at the top right
+    np.testing.assert_allclose(UV @ turn.T + shift, page, atol=1e-9)
 
 
 FINE, _ = grid(298, 211, 210, 297)

@@ -13,7 +13,7 @@ from planish.flattening.stick_solver import relax
 from planish.flattening.untangle import untangle
 from planish.gallery import sheet, sheet_mesh
 from planish.geometry.distances import distances
-from planish.mesh import clean, topology
+from planish.mesh import repair, topology
 from planish.parallel import thread_pool
 from planish.settings import MultigridSettings
 from planish.sticks import bending_pairs, make_sticks
@@ -381,7 +381,7 @@ def test_random_small_sheets_end_finite_in_time_and_without_a_silent_flip():
         points = mesh.points.copy()
         squeezed = rng.integers(0, len(points), 4)
         points[squeezed[:2]] += 0.98 * (points[squeezed[2:]] - points[squeezed[:2]])  # slivers, far and near
-        mesh = clean(Scan(Mesh(points, mesh.faces))).scan.mesh
+        mesh = repair(Scan(Mesh(points, mesh.faces))).scan.mesh
         found = topology(mesh.faces, len(mesh.points))
         done = relax(mesh, found, make_sticks(mesh, found, "unfolded"))
         assert np.isfinite(done.xy).all(), seed

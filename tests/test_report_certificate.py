@@ -34,7 +34,7 @@ def count(pixels, colour):
 
 
 def test_a_certificate_is_a_sheet_of_a4(restored):
-    pixels = certificate(*restored, "book.obj")
+    pixels = certificate(restored[1], "book.obj")
     assert pixels.shape == (HEIGHT, WIDTH, 3)
     assert pixels.dtype == np.uint8
     assert pytest.approx(297 / 210, rel=1e-3) == HEIGHT / WIDTH
@@ -45,23 +45,23 @@ def test_a_certificate_is_a_sheet_of_a4(restored):
 
 
 def test_what_it_says_follows_the_report(restored):
-    scan, done = restored
-    one = certificate(scan, done)
+    _, done = restored
+    one = certificate(done)
     noted = replace(done, report=replace(done.report, warnings=["the lamp was broken " * 60] * 3))
-    two = certificate(scan, noted)
+    two = certificate(noted)
     changed = np.nonzero((one != two).any(axis=(1, 2)))[0]
     assert changed.min() > HEIGHT / 2  # the notes stand at the foot
     assert (two[-40:] == 255).all()  # however many there are
-    named = certificate(scan, done, "a very long name of a file " * 20)
+    named = certificate(done, "a very long name of a file " * 20)
     assert (named[:, -100:] == 255).all()
 
 
 def test_clipped_parts_are_red_on_the_map_of_light(restored):
-    scan, done = restored
+    _, done = restored
     clipped = np.zeros(done.unshaded.pixels.shape[:2], bool)
     clipped[: len(clipped) // 2] = True
-    assert count(certificate(scan, done), CLIPPED) == 0
-    red = count(certificate(scan, replace(done, clipped=clipped)), CLIPPED)
+    assert count(certificate(done), CLIPPED) == 0
+    red = count(certificate(replace(done, clipped=clipped)), CLIPPED)
     assert red > 0.4 * 300 * 400  # half of a map of 320 x 415 pixels; the blend at its edge is not counted
 
 
@@ -71,7 +71,7 @@ def test_a_page_without_shade_removed_has_a_certificate_too():
     done = restore(made.scan, settings)
     assert done.light is None
     assert done.clipped is None
-    assert certificate(made.scan, done).shape == (HEIGHT, WIDTH, 3)
+    assert certificate(done).shape == (HEIGHT, WIDTH, 3)
     assert [criterion.name for criterion in done.report.guideline.criteria] == ["resolution", "accuracy of scale"]
 
 

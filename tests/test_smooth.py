@@ -20,7 +20,7 @@ from planish.gallery.meshes import SCANNER_MM
 from planish.gallery.sheets import normals
 from planish.geometry.distances import distances
 from planish.io import read_scan
-from planish.mesh import clean, topology
+from planish.mesh import repair, topology
 from planish.sticks import make_sticks
 from planish.surface import Smoothing, smooth_lengths, smooth_normals
 from planish.types import Mesh
@@ -342,8 +342,8 @@ def test_a_coarse_real_scan_gets_no_worse(shape):
 def test_real_coarse_sheets_lie_as_true_as_their_points_were_measured():
     """301 points 18 mm apart, true to about a millimetre themselves; 1.20 mm with one round of smoothing for bends."""
     truth_mm = np.loadtxt(DATA / "handheld_sheet" / "flat_truth_mm.csv", delimiter=",", comments="#")
-    scans = [clean(read_scan(path).scan) for path in sorted((DATA / "handheld_sheet").glob("*.obj"))]
+    scans = [repair(read_scan(path).scan) for path in sorted((DATA / "handheld_sheet").glob("*.obj"))]
     flats = [flatten(scan.scan.mesh, scan.topology).page_xy for scan in scans]
-    rms = [rigid_rms(flat, truth_mm[np.argsort(scan.place)]) for flat, scan in zip(flats, scans, strict=True)]
+    rms = [rigid_rms(flat, truth_mm[np.argsort(scan.mesh_rows)]) for flat, scan in zip(flats, scans, strict=True)]
     assert len(rms) == 4
     assert np.mean(rms) < 1.1

@@ -85,7 +85,7 @@ def done(scan):
 
 @pytest.fixture(scope="module")
 def page(scan, done):
-    return view_page(scan, done, "a book.obj")
+    return view_page(done, "a book.obj")
 
 
 @pytest.fixture(scope="module")
@@ -190,7 +190,7 @@ def test_a_photo_of_a_flat_sheet_lies_right_over_its_page(quarter):
     for _ in range(quarter):
         photo, places = np.rot90(photo), np.c_[places[:, 1], photo.shape[1] - 1 - places[:, 0]]
     scan = Scan(Mesh(np.c_[uv, np.zeros(len(uv))], faces), photo, places)
-    document = Document(view_page(scan, planish.restore(scan, RestoreSettings(rotate="0"))))
+    document = Document(view_page(planish.restore(scan, RestoreSettings(rotate="0"))))
     warped, restored = document.picture("warped").astype(float), document.picture("restored").astype(float)
     data = document.data
     margin = round(data["margin"] * warped.shape[1] / (data["size"][0] + 2 * data["margin"]))
@@ -209,14 +209,14 @@ def test_a_texture_in_patches_is_no_photo(scan):
     far = np.ptp(corners, axis=1).max(axis=1) > 100
     corners[far] = corners[far][:, :1]  # faces across a seam
     patches = Scan(Mesh(arch(uv), faces), np.full((560, 400, 3), 200, np.uint8), corners)
-    layers = Document(view_page(patches, planish.restore(patches))).data["layers"]
+    layers = Document(view_page(planish.restore(patches))).data["layers"]
     assert layers[0]["title"] == "From above"
 
 
 def test_hostile_words_stay_words(scan, done):
     loaded = replace(done, report=replace(done.report, warnings=[HOSTILE], sources={HOSTILE: HOSTILE}))
-    found = Document(view_page(scan, loaded, HOSTILE))
-    plain = Document(view_page(scan, done, "x"))
+    found = Document(view_page(loaded, HOSTILE))
+    plain = Document(view_page(done, "x"))
     assert found.text.count(HOSTILE) == 5  # title, heading, warning, and both halves of the source
     kinds = [tag for tag, _ in found.elements]
     assert kinds.count("script") == 2
@@ -226,7 +226,7 @@ def test_hostile_words_stay_words(scan, done):
 
 def test_a_scan_without_a_photo_shows_its_shape():
     mesh, _ = sheet_mesh(sheet("wave"), points=900, layout="grid")
-    document = Document(view_page(Scan(mesh), planish.restore(Scan(mesh)), "a mesh"))
+    document = Document(view_page(planish.restore(Scan(mesh)), "a mesh"))
     assert [layer["name"] for layer in document.data["layers"]] == ["strain", "error"]
     assert [tag for tag, _ in document.elements].count("img") == 0
     assert states_of(document.data).shape[1] == len(mesh.points)  # all of a small scan
@@ -237,7 +237,7 @@ def test_the_least_of_sheets_is_shown_too(height):
     """Two triangles, flat or with a fold between them; its file's name is no text."""
     points = np.array([[0.0, 0, 0], [100, 0, height], [100, 100, 0], [0, 100, height]])
     scan = Scan(Mesh(points, np.array([[0, 1, 2], [0, 2, 3]], np.int32)))
-    document = Document(view_page(scan, planish.restore(scan), "scan\udcff.obj"))
+    document = Document(view_page(planish.restore(scan), "scan\udcff.obj"))
     assert states_of(document.data).shape[1] == 4
     assert "scan?.obj" in document.text
 
@@ -245,7 +245,7 @@ def test_the_least_of_sheets_is_shown_too(height):
 def test_a_spread_shows_where_its_pages_part():
     scan = virtual_scan(sheet("spread"), points=2500, photo_px=(600, 450)).scan
     done = planish.restore(scan, RestoreSettings(pages="2"))
-    document = Document(view_page(scan, done, "a spread"))
+    document = Document(view_page(done, "a spread"))
     assert document.data["spine"] == done.report.spine.x_mm
     assert "two pages" in document.text
 

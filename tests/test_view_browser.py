@@ -25,7 +25,7 @@ def made(tmp_path_factory):
     """The file of a page of a book, with as many points and pixels as the page of a large scan has."""
     scan = virtual_scan(sheet("book"), points=25_000, photo_px=(1600, 1200), noise_mm=0.05).scan
     path = tmp_path_factory.mktemp("view") / "book.html"
-    path.write_bytes(view_page(scan, planish.restore(scan), "A book"))
+    path.write_bytes(view_page(planish.restore(scan), "A book"))
     return path
 
 
@@ -203,7 +203,7 @@ def test_a_hostile_name_stays_a_name(program, tmp_path):
     scan = planish.Scan(mesh)
     name = "</title></script><script>document.title='taken'</script><img src=x onerror=\"document.title='taken'\">"
     path = tmp_path / "page.html"
-    path.write_bytes(view_page(scan, planish.restore(scan), name))
+    path.write_bytes(view_page(planish.restore(scan), name))
     with opened(program, path) as page:
         assert page.title().startswith(name)
         assert page.locator("h1").inner_text() == name

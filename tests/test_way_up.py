@@ -14,7 +14,7 @@ SETTINGS = RestoreSettings(render=RenderSettings(dpi=60.0))
 
 
 def restored(scan, way_up):
-    return planish.restore(scan, SETTINGS, way_up=way_up).flattening.page_xy
+    return planish.restore(scan, SETTINGS, read_orientation=way_up).flattening.page_xy
 
 
 def unprinted(rows, cols):

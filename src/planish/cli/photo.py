@@ -107,7 +107,7 @@ def photo(
             assert done.binary is not None
             write(binary, done.binary)
         if stages is not None:
-            outputs += write_stages(stages, found.scan, done)
+            outputs += write_stages(stages, done)
         seconds = {"read": read, "shape": shape, **done.report.seconds, "write": perf_counter() - start}
         account = replace(
             done.report,

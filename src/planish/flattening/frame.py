@@ -189,9 +189,21 @@ def direction_of_growth(page_xy: Floats, value: Floats) -> Floats:
     return gradient / length if length > 0 else np.zeros(2)
 
 
-def turned(page_xy: Floats, degrees: float) -> tuple[Floats, tuple[float, float]]:
-    """The page turned clockwise, in its new frame."""
-    return place_on_page(page_xy @ _rotation(np.radians(degrees)).T)
+def turned(page_xy: Floats, degrees: float) -> tuple[Floats, tuple[float, float], Floats, Floats]:
+    """Turn a page clockwise and put it into its new frame.
+
+    Returns
+    -------
+    page_xy : (n, 2) float64 [mm]
+    size_mm : (float, float)
+    turn : (2, 2) float64
+    shift : (2,) float64 [mm]
+        The same for any other place on the page: `place @ turn.T + shift`.
+    """
+    turn = _rotation(np.radians(degrees))
+    rotated = page_xy @ turn.T
+    placed, size = place_on_page(rotated)
+    return placed, size, turn, placed[0] - rotated[0]
 
 
 def _rotation(angle: float) -> Floats:

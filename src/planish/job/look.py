@@ -45,7 +45,7 @@ def look(again: Again, out: Path, progress: Progress | None = None, *, overwrite
     report = with_files(replace(done.report, sources=sources), found, read, 0.0)
     report = replace(report, warnings=[*report.warnings, *_said_of_size(again, done.flattening.size_mm)])
     tell("look", 0.0)
-    write_bytes(out, view_page(found.scan, replace(done, report=report), again.scan.name))
+    write_bytes(out, view_page(replace(done, report=report), again.scan.name))
     return Done(report, [out])
 
 

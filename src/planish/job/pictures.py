@@ -8,10 +8,10 @@ import numpy as np
 
 from planish.binarize import binarize
 from planish.io import make_folder, write_page
-from planish.mesh import clean, from_file_order, onto_support_plane
+from planish.mesh import from_file_order, onto_support_plane
 from planish.report import certificate, contact_sheet, heat_map, relief
 from planish.report.certificate import DPI
-from planish.types import Bools, Floats, Mesh, Page, Pixels, Restoration, Scan
+from planish.types import Bools, Floats, Mesh, Page, Pixels, Restoration
 
 CAPTIONS = {
     "1-warped": "The photo",
@@ -26,30 +26,30 @@ CAPTIONS = {
 """Of the sheet of all pictures, in its order: colour above black and white, before left of after, maps last."""
 
 
-def write_stages(folder: Path, scan: Scan, done: Restoration) -> list[Path]:
+def write_stages(folder: Path, done: Restoration) -> list[Path]:
     """Write the warped photo, the restored page, both in black and white, the mesh before and after, and all in one.
 
     Parameters
     ----------
     folder : Path
         Made if there is none.
-    scan : Scan
     done : Restoration
-        Of that scan, with a page.
+        With a page.
 
     Returns
     -------
     list of Path
         The files written.
     """
+    scan = done.prepared.scan
     assert scan.photo is not None
     assert done.rendered is not None
     photo = _as_page(scan.photo, done.report.page.effective_ppi_median or 300.0)
     page = done.unshaded or done.rendered
-    cleaned, flat = clean(scan), done.flattening
-    faces = cleaned.scan.mesh.faces
-    page_xy, error, strain = (from_file_order(cleaned, v) for v in (flat.page_xy, flat.error_mm, flat.local_strain))
-    before, after = standing_and_lying(cleaned.scan.mesh, page_xy)
+    prepared, flat = done.prepared, done.flattening
+    faces = scan.mesh.faces
+    page_xy, error, strain = (from_file_order(prepared, v) for v in (flat.page_xy, flat.error_mm, flat.local_strain))
+    before, after = standing_and_lying(scan.mesh, page_xy)
     pictures: dict[str, Pixels | Bools] = {
         "1-warped": photo.pixels,
         "2-warped-binary": _in_black_and_white(photo),
@@ -70,9 +70,9 @@ def write_stages(folder: Path, scan: Scan, done: Restoration) -> list[Path]:
     return written
 
 
-def write_certificate(path: Path, name: str, scan: Scan, done: Restoration) -> None:
+def write_certificate(path: Path, name: str, done: Restoration) -> None:
     """Write the quality certificate of a restoration, an A4 sheet."""
-    write_page(path, _as_page(certificate(scan, done, name), DPI))
+    write_page(path, _as_page(certificate(done, name), DPI))
 
 
 def standing_and_lying(mesh: Mesh, page_xy: Floats) -> tuple[Floats, Floats]:

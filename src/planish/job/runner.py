@@ -120,13 +120,13 @@ def run(job: Job, progress: Progress | None = None) -> Done:
         if out.flat is not None:
             write_flat(out.flat, found, done.flattening.page_xy)
         if out.stages is not None:
-            written += write_stages(out.stages, found.scan, done)
+            written += write_stages(out.stages, done)
         report = with_files(done.report, found, read, perf_counter() - start)
         if out.certificate is not None:
-            write_certificate(out.certificate, job.scan.name, found.scan, replace(done, report=report))
+            write_certificate(out.certificate, job.scan.name, replace(done, report=report))
         if out.html is not None:
             tell("look", 0.0)
-            write_bytes(out.html, view_page(found.scan, replace(done, report=report), job.scan.name))
+            write_bytes(out.html, view_page(replace(done, report=report), job.scan.name))
         if out.report is not None:
             write_json(out.report, report)
     return Done(report, written)

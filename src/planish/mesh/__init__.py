@@ -8,19 +8,18 @@ from planish.mesh.measures import angle_sums, area_vectors, border_loops, bounds
 from planish.mesh.memory_order import local_order, renumbered
 from planish.mesh.prolongation import prolongate
 from planish.mesh.raster import rasterize
-from planish.mesh.repair import Cleaned, clean
+from planish.mesh.repair import repair
 from planish.mesh.support_plane import onto_support_plane
-from planish.mesh.topology import Topology, topology
+from planish.mesh.topology import topology
+from planish.types import Topology
 
 __all__ = [
-    "Cleaned",
     "Coarse",
     "Topology",
     "angle_sums",
     "area_vectors",
     "border_loops",
     "bounds",
-    "clean",
     "from_file_order",
     "grid_faces",
     "local_order",
@@ -30,6 +29,7 @@ __all__ = [
     "prolongate",
     "rasterize",
     "renumbered",
+    "repair",
     "subsample",
     "to_file_order",
     "topology",

@@ -2,44 +2,50 @@
 
 from __future__ import annotations
 
+from typing import TypeVar
+
 import numpy as np
+from numpy.typing import NDArray
 
-from planish.mesh.repair import Cleaned
-from planish.types import Floats
+from planish.types import Floats, PreparedScan
+
+Real = TypeVar("Real", np.float32, np.float64)
 
 
-def to_file_order(cleaned: Cleaned, file_points: Floats, values: Floats) -> Floats:
-    """Give every point of the file its values: its place on the page, or whatever else was found for it.
+def to_file_order(prepared: PreparedScan, values: NDArray[Real]) -> NDArray[Real]:
+    """Give every point of the source its values: its place on the page, or whatever else was found for it.
 
-    Points that belong to no face of the cleaned sheet get the values of the sheet's point nearest to them in space;
+    Points that belong to no face of the repaired sheet get the values of the sheet's point nearest to them in space;
     points that are not finite get 0.
 
     Parameters
     ----------
-    cleaned : Cleaned
-    file_points : (n, 3) float64 [mm]
-        As they came, before cleaning.
-    values : (k, d) float64
-        Of the points of `cleaned.scan.mesh`.
+    prepared : PreparedScan
+    values : (k, d) float
+        Of the points of `prepared.scan.mesh`.
 
     Returns
     -------
-    (n, d) float64
+    (n, d) float
+        Of the dtype of `values`.
     """
-    if len(cleaned.place) == len(values) and (cleaned.place == np.arange(len(values))).all():
+    rows = prepared.mesh_rows
+    if len(rows) == len(values) and (rows == np.arange(len(values))).all():
         return values
-    place = cleaned.place.copy()
-    lost = np.flatnonzero((place < 0) & np.isfinite(file_points).all(axis=1))
+    rows, points = rows.copy(), prepared.source.mesh.points
+    lost = np.flatnonzero((rows < 0) & np.isfinite(points).all(axis=1))
     if len(lost):
         from scipy.spatial import cKDTree
 
-        place[lost] = cKDTree(cleaned.scan.mesh.points).query(file_points[lost])[1]
-    return np.asarray(np.where(place[:, None] >= 0, values[place], 0.0))
+        rows[lost] = cKDTree(prepared.scan.mesh.points).query(points[lost])[1]
+    out = values[rows]
+    out[rows < 0] = 0
+    return out
 
 
-def from_file_order(cleaned: Cleaned, values: Floats) -> Floats:
-    """Values of the file's points, (n,) or (n, k), for the points of the cleaned mesh."""
-    kept = cleaned.place >= 0
-    out = np.zeros((len(cleaned.scan.mesh.points), *values.shape[1:]))
-    out[cleaned.place[kept]] = values[kept]
+def from_file_order(prepared: PreparedScan, values: Floats) -> Floats:
+    """Values of the source's points, (n,) or (n, k), for the points of the repaired mesh."""
+    kept = prepared.mesh_rows >= 0
+    out = np.zeros((len(prepared.scan.mesh.points), *values.shape[1:]))
+    out[prepared.mesh_rows[kept]] = values[kept]
     return out

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,43 +11,17 @@ from planish.geometry.projection import project
 from planish.memory import check_memory
 from planish.mesh.measures import angle_sums, area_vectors, border_loops, bounds
 from planish.mesh.orient import pieces_and_winding
-from planish.mesh.topology import Topology, topology
-from planish.types import Bools, Floats, Ints, Mesh, Scan
+from planish.mesh.topology import topology
+from planish.types import Bools, Floats, Ints, Mesh, PreparedScan, Scan, Topology
 
 DUST = 0.01
 """A piece, or a flap at an edge with three faces, below this share of the sheet's area is left out."""
 
 BYTES_PER_POINT = 400.0
-"""That cleaning and flattening take, with two triangles for each point."""
+"""That repair and flattening take, with two triangles for each point."""
 
 
-@dataclass(frozen=True, eq=False)
-class Cleaned:
-    """A scan that can be flattened, and the way back to the points of the file.
-
-    Attributes
-    ----------
-    scan : Scan
-        Every edge has one or two faces, all faces of a piece run the same way round (counter-clockwise seen from
-        the printed side), every point is used and finite.
-    topology : Topology
-        Of `scan.mesh`.
-    place : (n,) int32
-        For every point of the file its row in `scan.mesh.points`; -1 where it was left out.
-    pieces, holes : int
-    warnings : list of str
-        What was mended, a sentence each.
-    """
-
-    scan: Scan
-    topology: Topology
-    place: Ints
-    pieces: int
-    holes: int
-    warnings: list[str]
-
-
-def clean(scan: Scan) -> Cleaned:
+def repair(scan: Scan) -> PreparedScan:
     """Make a scan fit for flattening.
 
     Left out, with a warning: faces with points that are not finite, faces that use a point twice or stand twice in
@@ -66,6 +40,7 @@ def clean(scan: Scan) -> Cleaned:
     _check(points, faces)
     need = BYTES_PER_POINT * max(len(points), len(faces) / 2)
     check_memory(need, f"flattening {len(points):,} points", "let the scanner's software reduce the mesh")
+    source = scan
     if scan.camera is not None and scan.photo_xy is None:
         scan = replace(scan, photo_xy=project(scan.camera, points))
     warnings: list[str] = []
@@ -82,7 +57,7 @@ def clean(scan: Scan) -> Cleaned:
         piece = np.unique(piece[kept], return_inverse=True)[1].astype(np.int32)
     photo_xy = _per_corner(scan, welded=weld is not None)
     turned = _printed_side_up(points, faces[rows], piece, turned, photo_xy, rows, warnings)
-    return _assemble(scan, faces, rows, piece, turned, photo_xy, weld, topo if kept.all() else None, warnings)
+    return _assemble(source, scan, faces, rows, piece, turned, photo_xy, weld, topo if kept.all() else None, warnings)
 
 
 def _check(points: Floats, faces: Ints) -> None:
@@ -249,6 +224,7 @@ def _printed_side_up(
 
 
 def _assemble(
+    source: Scan,
     scan: Scan,
     faces: Ints,
     rows: Ints,
@@ -258,34 +234,34 @@ def _assemble(
     weld: Ints | None,
     topo: Topology | None,
     warnings: list[str],
-) -> Cleaned:
+) -> PreparedScan:
     points = scan.mesh.points
     new = faces[rows]
     new[turned] = new[turned][:, [0, 2, 1]]
     if photo_xy is not None and photo_xy.ndim == 3:
         photo_xy = photo_xy[rows]
         photo_xy[turned] = photo_xy[turned][:, [0, 2, 1]]
-    new, source = _own_points(new, piece, len(points))
-    place = np.full(len(points), -1, np.int32)
-    place[source[::-1]] = np.arange(len(source) - 1, -1, -1, dtype=np.int32)
-    shared = len(source) - np.count_nonzero(place >= 0)
+    new, origin = _own_points(new, piece, len(points))
+    mesh_rows = np.full(len(points), -1, np.int32)
+    mesh_rows[origin[::-1]] = np.arange(len(origin) - 1, -1, -1, dtype=np.int32)
+    shared = len(origin) - np.count_nonzero(mesh_rows >= 0)
     if shared:
         warnings.append(
             f"{shared:,} points are where pieces touch in a point only; they lie with one piece, and in the flat mesh "
             "the faces of the other are drawn out to them"
         )
     if weld is not None:
-        place = place[weld]
-    changed = turned.any() or not np.array_equal(source, np.arange(len(points)))
-    loose = int((place < 0).sum())
+        mesh_rows = mesh_rows[weld]
+    changed = turned.any() or not np.array_equal(origin, np.arange(len(points)))
+    loose = int((mesh_rows < 0).sum())
     if loose:
         warnings.append(
             f"{loose:,} points belong to no face of the sheet; they were laid beside their nearest neighbour"
         )
     if photo_xy is not None and photo_xy.ndim == 2:
-        photo_xy = photo_xy[source]
-    mesh = Mesh(points[source], new)
-    topo = topology(mesh.faces, len(source)) if topo is None or changed else topo
+        photo_xy = photo_xy[origin]
+    mesh = Mesh(points[origin], new)
+    topo = topology(mesh.faces, len(origin)) if topo is None or changed else topo
     loops, pieces = border_loops(topo), int(piece.max()) + 1
     if not loops or _closed(piece, topo, pieces):
         raise InputError(
@@ -293,8 +269,8 @@ def _assemble(
         )
     if pieces > 1:
         warnings.append(f"the scan is in {pieces} pieces; each is flattened, and all are laid on one page")
-    cleaned = Scan(mesh, scan.photo, photo_xy, scan.camera, scan.icc, scan.others)
-    return Cleaned(cleaned, topo, place, pieces, max(loops - pieces, 0), warnings)
+    repaired = Scan(mesh, scan.photo, photo_xy, scan.camera, scan.icc, scan.others)
+    return PreparedScan(source, repaired, topo, mesh_rows, pieces, max(loops - pieces, 0), tuple(warnings))
 
 
 def _used(faces: Ints, count: int) -> Bools:

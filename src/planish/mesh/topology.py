@@ -2,34 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numba import njit
 
-from planish.types import Ints
-
-
-@dataclass(frozen=True, eq=False)
-class Topology:
-    """Who is whose neighbour in a mesh.
-
-    Attributes
-    ----------
-    edges : (e, 2) int32
-        The two points of every edge, the smaller first; rows in ascending order.
-    edge_faces : (e, 2) int32
-        The faces at the edge; -1 in the second place where the sheet ends. Of a non-manifold edge the first two.
-    edge_uses : (e,) int32
-        How many faces use the edge: 1 at the border, 2 inside, more where the mesh is not a surface.
-    face_edges : (m, 3) int32
-        Edge k of a face joins its corners k and k + 1.
-    """
-
-    edges: Ints
-    edge_faces: Ints
-    edge_uses: Ints
-    face_edges: Ints
+from planish.types import Ints, Topology
 
 
 def topology(faces: Ints, point_count: int) -> Topology:

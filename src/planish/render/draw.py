@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,20 +78,38 @@ def draw(scan: Scan, page_xy: Floats, size_mm: tuple[float, float], settings: Re
     >>> bool((drawn.page.pixels == photo).all()), round(drawn.resolution.median_ppi)
     (True, 254)
     """
+    return render_page(photo_views(scan, page_xy, size_mm), size_mm, settings, scan.icc)
+
+
+def render_page(
+    views: Sequence[PhotoView],
+    size_mm: tuple[float, float],
+    settings: RenderSettings | None = None,
+    icc: bytes | None = None,
+) -> Rendered:
+    """Draw the page from photo views that are there already; see `draw`.
+
+    Parameters
+    ----------
+    views : sequence of PhotoView
+        See `photo_views`; the main photo first.
+    size_mm : (float, float)
+    settings : RenderSettings, optional
+    icc : bytes, optional
+        Colour profile of the main photo.
+    """
     settings = settings or RenderSettings()
-    seen = photo_views(scan, page_xy, size_mm)
-    if len(seen) == 1:
-        dpi = _dpi(seen[0].resolution, settings)
-        return Rendered(_page(seen, None, size_mm, dpi, scan.icc), seen[0].resolution)
-    mixed = _mixed(seen, size_mm)
-    found = of_the_best([sight.resolution for sight in seen], mixed.best)
-    return Rendered(_page(seen, mixed, size_mm, _dpi(found, settings), scan.icc), found, _parts(mixed.best, len(seen)))
+    if len(views) == 1:
+        dpi = _dpi(views[0].resolution, settings)
+        return Rendered(_page(views, None, size_mm, dpi, icc), views[0].resolution)
+    mixed = _mixed(views, size_mm)
+    best = of_the_best([view.resolution for view in views], mixed.best)
+    return Rendered(_page(views, mixed, size_mm, _dpi(best, settings), icc), best, _parts(mixed.best, len(views)))
 
 
-def preview(scan: Scan, page_xy: Floats, size_mm: tuple[float, float], dpi: float) -> Page:
-    """Draw a coarse page quickly, to look at and not to keep. As `draw`, from the main photo alone, made smaller."""
-    seen = photo_views(replace(scan, others=()), page_xy, size_mm)
-    return _page([shrunk(seen[0], dpi)], None, size_mm, dpi, scan.icc)
+def preview(view: PhotoView, size_mm: tuple[float, float], dpi: float, icc: bytes | None = None) -> Page:
+    """Draw a coarse page quickly, to look at and not to keep, from one photo made smaller."""
+    return _page([shrunk(view, dpi)], None, size_mm, dpi, icc)
 
 
 def _dpi(found: Resolution, settings: RenderSettings) -> float:

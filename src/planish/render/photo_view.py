@@ -20,16 +20,19 @@ class PhotoView:
     Attributes
     ----------
     photo : (rows, cols, 3) uint8 or uint16
-    chart : Chart
+    uv_map : UVMap
     faces : (m, 3) int32
-        Those of the chart that the photo saw.
+        Those of the map that the photo saw.
     resolution : Resolution
+    name : str
+        Of the photo, for messages.
     """
 
     photo: Pixels
     uv_map: UVMap
     faces: Ints
     resolution: Resolution
+    name: str = "the photo"
 
 
 def photo_views(scan: Scan, page_xy: Floats, size_mm: tuple[float, float]) -> list[PhotoView]:
@@ -47,28 +50,47 @@ def photo_views(scan: Scan, page_xy: Floats, size_mm: tuple[float, float]) -> li
         )
     several = [scan, *(Scan(scan.mesh, view.photo, camera=view.camera) for view in scan.others)]
     names = ["the photo"] if len(several) == 1 else [f"photo {i + 1} of {len(several)}" for i in range(len(several))]
-    return [_sight(one, page_xy, size_mm, name) for one, name in zip(several, names, strict=True)]
+    return [_view(one, page_xy, size_mm, name) for one, name in zip(several, names, strict=True)]
 
 
-def _sight(scan: Scan, page_xy: Floats, size_mm: tuple[float, float], name: str) -> PhotoView:
+def _view(scan: Scan, page_xy: Floats, size_mm: tuple[float, float], name: str) -> PhotoView:
     assert scan.photo is not None
     sheet = uv_map(scan, page_xy)
     faces = sheet.faces[seen_faces(sheet, scan.camera)]
-    return PhotoView(scan.photo, sheet, faces, resolution(sheet, faces, size_mm, scan.photo.shape[:2], name))
+    return PhotoView(scan.photo, sheet, faces, resolution(sheet, faces, size_mm, scan.photo.shape[:2], name), name)
 
 
-def shrunk(sight: PhotoView, ppi: float) -> PhotoView:
+def moved_view(view: PhotoView, turn: Floats, shift: Floats, size_mm: tuple[float, float]) -> PhotoView:
+    """The same photo seen from a page that was turned and shifted: `place @ turn.T + shift`.
+
+    What the photo sees of the sheet does not change, so only the resolution over the new page is measured again.
+
+    Parameters
+    ----------
+    view : PhotoView
+    turn : (2, 2) float64
+    shift : (2,) float64 [mm]
+    size_mm : (float, float)
+        Width and height of the new page.
+    """
+    there = view.uv_map
+    there = replace(there, page_xy=there.page_xy @ turn.T + shift, jacobian=there.jacobian @ turn.T)
+    measured = resolution(there, view.faces, size_mm, view.photo.shape[:2], view.name)
+    return replace(view, uv_map=there, resolution=measured)
+
+
+def shrunk(view: PhotoView, ppi: float) -> PhotoView:
     """The same with a photo made smaller, to about so many pixels per inch of page: quick to draw from."""
     import cv2
 
-    times = round(sight.resolution.median_ppi / ppi)
+    times = round(view.resolution.median_ppi / ppi)
     if times < 2:
-        return sight
-    rows, cols = (n // times for n in sight.photo.shape[:2])
+        return view
+    rows, cols = (n // times for n in view.photo.shape[:2])
     if min(rows, cols) < 1:
-        return sight
-    whole = np.ascontiguousarray(sight.photo[: rows * times, : cols * times])
+        return view
+    whole = np.ascontiguousarray(view.photo[: rows * times, : cols * times])
     small = cv2.resize(whole, (cols, rows), interpolation=cv2.INTER_AREA)
-    places = (sight.uv_map.photo_xy + 0.5) / times - 0.5
-    sheet = replace(sight.uv_map, photo_xy=places, jacobian=sight.uv_map.jacobian / times)
-    return replace(sight, photo=small, uv_map=sheet)
+    places = (view.uv_map.photo_xy + 0.5) / times - 0.5
+    sheet = replace(view.uv_map, photo_xy=places, jacobian=view.uv_map.jacobian / times)
+    return replace(view, photo=small, uv_map=sheet)

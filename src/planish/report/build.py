@@ -2,13 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 
 from planish.geometry.distances import distances
-from planish.mesh import Cleaned
+from planish.report.fadgi import guideline
 from planish.report.measures import flipped_faces, stretch
+from planish.settings import RestoreSettings
 from planish.sticks import strain
-from planish.types import Flattening, FlattenReport, Outcome, PageReport, Report, Scan, ScanReport
+from planish.types import (
+    Flattening,
+    FlattenReport,
+    Outcome,
+    PageReport,
+    PartReport,
+    PreparedScan,
+    Report,
+    ScanReport,
+    ShadingReport,
+    Spine,
+)
 from planish.version import __version__
 
 STRETCHED = 0.01
@@ -16,57 +31,63 @@ STRETCHED = 0.01
 
 
 def build_report(
-    scan: Scan,
-    cleaned: Cleaned,
+    prepared: PreparedScan,
     flat: Flattening,
     page: PageReport,
+    *,
+    settings: RestoreSettings,
+    shading: ShadingReport | None = None,
+    spine: Spine | None = None,
+    warnings: Sequence[str] = (),
     seconds: dict[str, float],
-    warnings: list[str],
 ) -> Report:
-    """Measure a flattening and gather all that is to be said about a restoration.
+    """Measure a flattening and put together the report of a restoration.
 
     Parameters
     ----------
-    scan : Scan
-        As it came.
-    cleaned : Cleaned
+    prepared : PreparedScan
         As it was flattened.
     flat : Flattening
-        Of the points of `cleaned.scan.mesh`.
+        Of the points of `prepared.scan.mesh`.
     page : PageReport
+    settings : RestoreSettings
+    shading : ShadingReport, optional
+        Where shading was removed.
+    spine : Spine, optional
+        Where the sheet was split.
+    warnings : sequence of str
+        Of the stages after flattening, in order.
     seconds : dict
         Per stage.
-    warnings : list of str
-        Of all stages so far, in order.
     """
-    mesh, edges = cleaned.scan.mesh, cleaned.topology.edges
+    mesh, edges = prepared.scan.mesh, prepared.topology.edges
     l2, linf = stretch(mesh.points, mesh.faces, flat.page_xy)
     flipped = flipped_faces(mesh.faces, flat.page_xy)
-    said = list(warnings)
+    messages = [*prepared.warnings, *flat.warnings, *warnings]
     if flipped:
-        said.append(
+        messages.append(
             f"{flipped:,} of {len(mesh.faces):,} faces lie on the page with their back up; the page is torn there"
         )
     worst = int(np.argmax(flat.local_strain))
     if flat.local_strain[worst] > STRETCHED:
         x, y = flat.page_xy[worst]
-        said.append(
+        messages.append(
             f"the surface does not lie flat everywhere: around {x:.0f} mm from the left and {y:.0f} mm from the top of "
             f"the page its edges are {100 * flat.local_strain[worst]:.1f} % (rms) from their lengths"
         )
     if flat.overlaps:
-        said.append(f"{flat.overlaps:,} faces lie over other parts of the page; what is under them is not seen")
-    return Report(
+        messages.append(f"{flat.overlaps:,} faces lie over other parts of the page; what is under them is not seen")
+    report = Report(
         version=__version__,
         outcome=flat.outcome.value,
         settled=flat.outcome is Outcome.SETTLED,
         seconds_total=sum(seconds.values()),
         seconds=seconds,
         scan=ScanReport(
-            points=len(scan.mesh.points),
-            faces=len(scan.mesh.faces),
-            pieces=cleaned.pieces,
-            holes=cleaned.holes,
+            points=len(prepared.source.mesh.points),
+            faces=len(prepared.source.mesh.faces),
+            pieces=prepared.pieces,
+            holes=prepared.holes,
             noise_mm=flat.noise_mm,
         ),
         flatten=FlattenReport(
@@ -86,5 +107,20 @@ def build_report(
             expected_error_mm=float(np.sqrt(np.mean(flat.error_mm**2))),
         ),
         page=page,
-        warnings=said,
+        warnings=messages,
+        shading=shading,
+        pages=_part_reports(flat.size_mm, spine) if page.dpi is not None else [],
+        spine=spine,
+        settings=settings,
     )
+    return replace(report, guideline=guideline(report))
+
+
+def _part_reports(size_mm: tuple[float, float], spine: Spine | None) -> list[PartReport]:
+    width, height = size_mm
+    if spine is None:
+        return [PartReport("whole", 0.0, width, height)]
+    return [
+        PartReport("left", 0.0, spine.x_mm, height),
+        PartReport("right", spine.x_mm, width - spine.x_mm, height),
+    ]

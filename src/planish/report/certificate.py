@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from planish.color import LUMINANCE
 from planish.report.drawing import FAINT, GREEN, INK, RED, SOFT, Sheet, length, wrapped
 from planish.report.heat import TOP, coloured, over_page, round_above, round_span
-from planish.types import Criterion, Floats, Restoration, Scan
+from planish.types import Criterion, Floats, Restoration
 
 DPI = 200.0
 WIDTH, HEIGHT = 1654, 2339
@@ -25,7 +25,7 @@ MOST_WARNINGS = 6
 """Lines of notes that the sheet has room for."""
 
 
-def certificate(scan: Scan, done: Restoration, name: str = "") -> NDArray[np.uint8]:
+def certificate(done: Restoration, name: str = "") -> NDArray[np.uint8]:
     """Draw the certificate of a restoration: A4 at 200 dpi.
 
     The page, its figures, maps of strain, of the expected error, of the photo's resolution and of its light, the
@@ -33,9 +33,8 @@ def certificate(scan: Scan, done: Restoration, name: str = "") -> NDArray[np.uin
 
     Parameters
     ----------
-    scan : Scan
     done : Restoration
-        Of that scan, with a page.
+        With a page.
     name : str
         What is restored, for the title.
 
@@ -50,7 +49,7 @@ def certificate(scan: Scan, done: Restoration, name: str = "") -> NDArray[np.uin
     assert page is not None
     sheet.picture(page.pixels, (MARGIN, top, *THUMB))
     _figures(sheet, done, MARGIN + THUMB[0] + 60, top)
-    y = _maps(sheet, scan, done, top + THUMB[1] + 72)
+    y = _maps(sheet, done, top + THUMB[1] + 72)
     y = _guideline(sheet, done, y + 62)
     _notes(sheet, done, y + 66)
     return sheet.pixels
@@ -133,13 +132,15 @@ def _groups(done: Restoration) -> list[tuple[str, list[tuple[str, str]]]]:
     return groups
 
 
-def _maps(sheet: Sheet, scan: Scan, done: Restoration, y: float) -> float:
+def _maps(sheet: Sheet, done: Restoration, y: float) -> float:
     """Four maps over the page, each with its scale; returns the y below them."""
     flat = done.flattening
     width = (INNER - 3 * GAP) / 4
     height = min(MAP_HEIGHT, width * flat.size_mm[1] / flat.size_mm[0])
     both = np.c_[100 * flat.local_strain, flat.error_mm]
-    strain, error = np.moveaxis(over_page(flat.page_xy, scan.mesh.faces, both, flat.size_mm, round(height)), 2, 0)
+    strain, error = np.moveaxis(
+        over_page(flat.page_xy, done.prepared.source.mesh.faces, both, flat.size_mm, round(height)), 2, 0
+    )
     boxes = [(MARGIN + k * (width + GAP), y, width, height) for k in range(4)]
     _map(sheet, boxes[0], "Strain", "%", strain, 0.0, round_above(np.nanquantile(strain, TOP)))
     _map(sheet, boxes[1], "Expected error", "mm", error, 0.0, round_above(np.nanquantile(error, TOP)))

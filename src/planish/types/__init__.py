@@ -5,6 +5,7 @@ Positions are (x, y[, z]) in millimetres; images are [row, col]. Arrays are read
 
 from planish.types.arrays import Bools, Floats, Ints, Pixels, freeze
 from planish.types.page import Page, Restoration
+from planish.types.prepared import PreparedScan, Topology
 from planish.types.report import (
     Criterion,
     FlattenReport,
@@ -36,6 +37,7 @@ __all__ = [
     "PartReport",
     "PhotoReport",
     "Pixels",
+    "PreparedScan",
     "Report",
     "Restoration",
     "Scan",
@@ -43,6 +45,7 @@ __all__ = [
     "ShadingReport",
     "Spine",
     "Sticks",
+    "Topology",
     "View",
     "freeze",
     "summary",

@@ -11,6 +11,7 @@ from numpy.typing import DTypeLike, NDArray
 from planish.display.html import as_image, html_picture, html_table, small_jpeg, small_png
 from planish.errors import MissingExtraError
 from planish.types.arrays import Bools, Pixels, freeze
+from planish.types.prepared import PreparedScan
 from planish.types.report import Report
 from planish.types.sheet import Flattening
 from planish.types.summary import summary
@@ -109,6 +110,8 @@ class Restoration:
         None where the scan has no photo, or where that stage was not asked for. Of the whole sheet.
     report : Report
         With the place of the spine, along which `planish.split_pages` cuts these pages in two.
+    prepared : PreparedScan
+        What was flattened and drawn.
     clipped : (rows, cols) bool or None
         Pixels of the page with a channel at its greatest value in the photo, where shade was removed.
     light : (rows, cols, 3) float32 or None
@@ -122,6 +125,7 @@ class Restoration:
     unshaded: Page | None
     binary: Page | None
     report: Report
+    prepared: PreparedScan
     clipped: Bools | None = None
     light: NDArray[np.float32] | None = None
     ppi: NDArray[np.float32] | None = None

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from planish.mesh import clean, from_file_order
+from planish.mesh import from_file_order
 from planish.report.heat import coloured
-from planish.types import Restoration, Scan
+from planish.types import Restoration
 from planish.view.pictures import UNKNOWN, Map, Picture, margin_of, page_pictures, quality_maps, warped_picture
 from planish.view.settling import Settling, settling
 from planish.view.words import headline, in_words, of_the_fall
@@ -25,14 +25,13 @@ STEPS = 65_534
 """From end to end of a coordinate as a 16-bit number: 5 micrometres on a letter."""
 
 
-def view_page(scan: Scan, done: Restoration, name: str = "") -> bytes:
+def view_page(done: Restoration, name: str = "") -> bytes:
     """Make the page: one HTML file that holds all it needs and asks nobody for more.
 
     Parameters
     ----------
-    scan : Scan
     done : Restoration
-        Of that scan; without pictures of the page where the scan has no photo.
+        Without pictures of the page where the scan has no photo.
     name : str
         What is restored, for the title.
 
@@ -45,17 +44,18 @@ def view_page(scan: Scan, done: Restoration, name: str = "") -> bytes:
     --------
     >>> from planish import restore
     >>> from planish.gallery import sheet, sheet_mesh
+    >>> from planish.types import Scan
     >>> scan = Scan(sheet_mesh(sheet("book"), points=2000, layout="grid")[0])
-    >>> view_page(scan, restore(scan), "a book").decode()[:15]
+    >>> view_page(restore(scan), "a book").decode()[:15]
     '<!doctype html>'
     """
-    cleaned, flat = clean(scan), done.flattening
-    page_xy, strain, error = (from_file_order(cleaned, v) for v in (flat.page_xy, flat.local_strain, flat.error_mm))
-    fall = settling(cleaned.scan.mesh, cleaned.topology, page_xy, flat.size_mm)
+    prepared, flat = done.prepared, done.flattening
+    page_xy, strain, error = (from_file_order(prepared, v) for v in (flat.page_xy, flat.local_strain, flat.error_mm))
+    fall = settling(prepared.scan.mesh, prepared.topology, page_xy, flat.size_mm)
     pictures = page_pictures(done)
     if pictures:
-        pictures.insert(0, warped_picture(cleaned, done, page_xy, fall))
-    maps = quality_maps(cleaned, done, page_xy, strain, error)
+        pictures.insert(0, warped_picture(done, page_xy, fall))
+    maps = quality_maps(done, page_xy, strain, error)
     # File names may hold bytes that are no text.
     return _document(done, fall, pictures, maps, name or "A restored page").encode(errors="replace")
 

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from planish.mesh import Cleaned, rasterize
+from planish.mesh import rasterize
 from planish.report.drawing import eight_bit
 from planish.report.heat import TOP, over_page, round_above, round_span
-from planish.types import Floats, Page, Restoration
+from planish.types import Floats, Page, Restoration, Scan
 from planish.view.settling import Settling
 
 LONG_SIDE = 2000
@@ -94,34 +94,33 @@ def page_pictures(done: Restoration) -> list[Picture]:
     ]
 
 
-def warped_picture(cleaned: Cleaned, done: Restoration, page_xy: Floats, fall: Settling) -> Picture:
+def warped_picture(done: Restoration, page_xy: Floats, fall: Settling) -> Picture:
     """The sheet before it was laid flat: its photo, turned and scaled to the page; else the scan from above.
 
     Parameters
     ----------
-    cleaned : Cleaned
     done : Restoration
         With a page.
     page_xy : (n, 2) float64 [mm]
-        Of the cleaned points.
+        Of the points of the repaired mesh.
     fall : Settling
         Of that sheet.
     """
-    placed = _photo_on_page(cleaned, page_xy, done.flattening.size_mm)
+    placed = _photo_on_page(done.prepared.scan, page_xy, done.flattening.size_mm)
     if placed is not None:
         pixels, said = placed, "The photo, turned and scaled to lie over the page as well as that can."
         title = "Photo"
     else:
         pixels, title = _from_above(done, fall), "From above"
         said = "The scan seen from above, as it lay on the table; its texture is in patches, not one photo."
-    icc = cleaned.scan.icc if pixels.ndim == 3 else None
+    icc = done.prepared.scan.icc if pixels.ndim == 3 else None
     return Picture("warped", title, said, *_encoded(pixels, icc), with_margin=True)
 
 
-def quality_maps(cleaned: Cleaned, done: Restoration, page_xy: Floats, strain: Floats, error: Floats) -> list[Map]:
-    """Maps of strain, effective resolution and expected error; `strain` and `error` are those of the cleaned points."""
+def quality_maps(done: Restoration, page_xy: Floats, strain: Floats, error: Floats) -> list[Map]:
+    """Maps of strain, effective resolution and expected error, from values at the points of the repaired mesh."""
     both = over_page(
-        page_xy, cleaned.scan.mesh.faces, np.c_[100 * strain, error], done.flattening.size_mm, rows=MAP_ROWS
+        page_xy, done.prepared.scan.mesh.faces, np.c_[100 * strain, error], done.flattening.size_mm, rows=MAP_ROWS
     )
     said = "How far lengths on the page are from those of the paper (rms around each point)."
     maps = [_map("strain", "Strain", "%", said, both[..., 0])]
@@ -179,9 +178,8 @@ def _frame(size_mm: tuple[float, float]) -> tuple[float, float, tuple[int, int]]
     return margin, scale, (max(1, round(wide * scale)), max(1, round(high * scale)))
 
 
-def _photo_on_page(cleaned: Cleaned, page_xy: Floats, size_mm: tuple[float, float]) -> NDArray[np.uint8] | None:
+def _photo_on_page(scan: Scan, page_xy: Floats, size_mm: tuple[float, float]) -> NDArray[np.uint8] | None:
     """The photo in the page's frame by the best similarity; None where its parts lie too differently for that."""
-    scan = cleaned.scan
     if scan.photo is None or scan.photo_xy is None:
         return None
     places = scan.photo_xy

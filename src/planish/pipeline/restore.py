@@ -1,0 +1,176 @@
+"""The whole pipeline: prepare, flatten, orient, draw, even out the light, binarize, report."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from planish.binarize import binarize
+from planish.document import find_gutter
+from planish.illumination import EvenlyLit, ShadingFit, remove_shading
+from planish.pipeline.flatten import flatten_prepared, in_file_order
+from planish.pipeline.orient import OrientationReader, orient_by_shape, orient_by_text
+from planish.pipeline.prepare import prepare
+from planish.pipeline.stages import Progress, StageTimer, no_progress
+from planish.render import Rendered, missing_regions, photo_views, render_page
+from planish.report import build_report
+from planish.settings import Pages, RestoreSettings
+from planish.types import (
+    Flattening,
+    Page,
+    PageReport,
+    PreparedScan,
+    Restoration,
+    Scan,
+    ShadingReport,
+    Spine,
+)
+
+
+@dataclass(frozen=True, eq=False)
+class _Drawn:
+    """What came of the photo: nothing where the scan has none, or where a stage was not asked for."""
+
+    rendered: Rendered | None = None
+    lit: EvenlyLit | None = None
+    binary: Page | None = None
+    spine: Spine | None = None
+
+
+def restore(
+    scan: Scan,
+    settings: RestoreSettings | None = None,
+    progress: Progress | None = None,
+    read_orientation: OrientationReader | None = None,
+) -> Restoration:
+    """Flatten a scan and draw its page.
+
+    Parameters
+    ----------
+    scan : Scan
+        Without a photo only the geometry is done.
+    settings : RestoreSettings, optional
+    progress : callable, optional
+        Called with (stage, share done).
+    read_orientation : callable, optional
+        Asked which way up the page is where the shapes of the letters do not tell; see `OrientationReader`.
+
+    Raises
+    ------
+    InputError
+        Where the scan is not a sheet that can be flattened, or its photo cannot be drawn.
+
+    Examples
+    --------
+    >>> from planish.gallery import sheet, sheet_mesh
+    >>> mesh, _ = sheet_mesh(sheet("book"), points=4000, layout="grid")
+    >>> done = restore(Scan(mesh))
+    >>> done.report.settled, [round(mm) for mm in done.flattening.size_mm]
+    (True, [216, 279])
+    """
+    s = settings or RestoreSettings()
+    stage = StageTimer(progress or no_progress)
+    with stage("clean"):
+        prepared = prepare(scan)
+    with stage("flatten") as share:
+        flat = flatten_prepared(prepared, s.flatten, share)
+    with stage("turn"):
+        flat = orient_by_shape(prepared, flat, s)
+    flat, drawn = _draw(prepared, flat, s, stage, read_orientation) if scan.photo is not None else (flat, _Drawn())
+    rendered, lit = drawn.rendered, drawn.lit
+    with stage("measure"):
+        report = build_report(
+            prepared,
+            flat,
+            _page_report(flat, rendered),
+            settings=s,
+            shading=_shading_report(lit.fit) if lit else None,
+            spine=drawn.spine,
+            warnings=_warnings(drawn, s.pages),
+            seconds=stage.seconds,
+        )
+    return Restoration(
+        flattening=in_file_order(prepared, flat),
+        rendered=rendered.page if rendered else None,
+        unshaded=lit.page if lit else None,
+        binary=drawn.binary,
+        report=report,
+        prepared=prepared,
+        clipped=lit.clipped if lit else None,
+        light=lit.light if lit else None,
+        ppi=rendered.resolution.ppi if rendered else None,
+    )
+
+
+def _draw(
+    prepared: PreparedScan,
+    flat: Flattening,
+    settings: RestoreSettings,
+    stage: StageTimer,
+    read_orientation: OrientationReader | None,
+) -> tuple[Flattening, _Drawn]:
+    """The stages that need a photo; the flattening comes back as its text reads."""
+    sheet, s = prepared.scan, settings
+    spine = lit = binary = None
+    with stage("turn"):
+        views = photo_views(sheet, flat.page_xy, flat.size_mm)
+        if s.rotate == "auto":
+            flat, views = orient_by_text(flat, views, read_orientation, prepared.source.upright, sheet.icc)
+    with stage("render"):
+        rendered = render_page(views, flat.size_mm, s.render, sheet.icc)
+    if s.pages != "1":
+        with stage("split"):
+            spine = find_gutter(sheet.mesh, flat.page_xy, rendered.page, certainly=s.pages == "2")
+    if s.shading.shading != "none":
+        with stage("unshade"):
+            normals = prepared.normals if flat.normals is None else flat.normals
+            lit = remove_shading(rendered.page, sheet, flat.page_xy, normals, s.shading)
+    if s.binarize.binarize != "none":
+        with stage("binarize"):
+            binary = binarize(lit.page if lit else rendered.page, s.binarize)
+    return flat, _Drawn(rendered, lit, binary, spine)
+
+
+def _warnings(drawn: _Drawn, pages: Pages) -> list[str]:
+    """What a user should know of the drawing stages."""
+    if drawn.rendered is None:
+        return []
+    warnings = list(drawn.lit.fit.warnings) if drawn.lit else []
+    spine = drawn.spine
+    if spine is None:
+        return [*warnings, "no spine is plain on the sheet, so it stays one page"] if pages == "auto" else warnings
+    if spine.found_by == "gutter":
+        warnings.append(
+            "the surface shows no spine; the sheet was split in the widest upright gap of its print, "
+            f"{spine.x_mm:.0f} mm from the left"
+        )
+    elif spine.found_by == "middle":
+        warnings.append(
+            "the surface shows no spine and the print no gap; the sheet was split near its middle, "
+            f"{spine.x_mm:.0f} mm from the left"
+        )
+    if spine.crossed:
+        warnings.append("lines of print run across the place where the sheet was split")
+    return warnings
+
+
+def _shading_report(fit: ShadingFit) -> ShadingReport:
+    return ShadingReport(fit.method, fit.paper_share, fit.unevenness_before, fit.unevenness, fit.clipped_share)
+
+
+def _page_report(flat: Flattening, rendered: Rendered | None) -> PageReport:
+    width, height = flat.size_mm
+    if rendered is None:
+        return PageReport(width, height)
+    page, resolution = rendered.page, rendered.resolution
+    missing = missing_regions(page)
+    return PageReport(
+        width,
+        height,
+        dpi=page.dpi,
+        effective_ppi_p10=resolution.low_ppi,
+        effective_ppi_median=resolution.median_ppi,
+        known_fraction=float(page.known.mean()),
+        photo_parts=list(rendered.parts),
+        missing_regions=missing.regions,
+        missing_mm2=missing.area_mm2,
+    )
