@@ -11,7 +11,7 @@ from planish.io import write_scan
 from planish.pipeline import restore
 from planish.report import certificate, contact_sheet, guideline
 from planish.report.certificate import CLIPPED, HEIGHT, WIDTH
-from planish.report.drawing import GOLD, Sheet, eight_bit, fitted, length, wrapped
+from planish.report.drawing import GOLD, Sheet, fitted, length, rgb_uint8, wrapped
 from planish.report.fadgi import RESOLUTION_PPI, SCALE_PERCENT, stars
 from planish.report.heat import coloured, over_page
 from planish.settings import RenderSettings, RestoreSettings, ShadingSettings
@@ -175,8 +175,8 @@ def test_a_filled_star_is_gold_and_an_empty_one_is_not():
 @pytest.mark.parametrize("dtype", [bool, np.uint8, np.uint16])
 def test_pictures_of_any_kind_become_eight_bit_colour(dtype):
     white = np.ones((4, 6), dtype) * (True if dtype is bool else np.iinfo(dtype).max)
-    assert (eight_bit(white.astype(dtype)) == 255).all()
-    assert eight_bit(white.astype(dtype)).shape == (4, 6, 3)
+    assert (rgb_uint8(white.astype(dtype)) == 255).all()
+    assert rgb_uint8(white.astype(dtype)).shape == (4, 6, 3)
 
 
 def test_fitted_keeps_the_shape():

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planish.acquire.grid_mesh import Acquired
+from planish.color import to_uint8
 from planish.mesh import onto_support_plane, point_normals, rasterize
 from planish.types import Bools, Floats, Mesh, Pixels
 
@@ -83,7 +84,7 @@ def _coloured(confidence: Floats) -> NDArray[np.uint8]:
 
 def _photographed(photo: Pixels, photo_xy: Floats) -> NDArray[np.uint8]:
     """The photo where it is seen, halved until its pixels are about as large as the panel's."""
-    small = photo if photo.dtype == np.uint8 else (photo >> 8).astype(np.uint8)
+    small = to_uint8(photo)
     place = np.asarray(photo_xy, np.float32)
     while min(small.shape[:2]) > 2 * ROWS:
         small = cv2.resize(small, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from planish.color import to_grey
+from planish.dpi import mm_to_px
 from planish.errors import UsageError
 from planish.settings import BinarizeSettings
 from planish.types import Page
@@ -55,7 +56,7 @@ def binarize(page: Page, settings: BinarizeSettings | None = None) -> Page:
     s = settings or BinarizeSettings()
     if s.binarize == "none":
         raise UsageError('binarize is "none", so there is no black and white page to make; choose a method')
-    grey = _grey(page)
+    grey = to_grey(page.pixels)
     if grey.min() == grey.max():
         return Page(np.ones(grey.shape, bool), page.known, page.dpi)
     rows, cols = grey.shape
@@ -70,19 +71,9 @@ def binarize(page: Page, settings: BinarizeSettings | None = None) -> Page:
 
 def _parameters(s: BinarizeSettings, dpi: float, short_side: int) -> dict[str, int | float]:
     """The library's: an odd window within the page, and its sign of k."""
-    window = min(max(3, round(s.window_mm * dpi / 25.4)), max(3, short_side - 1))
+    window = min(max(3, round(mm_to_px(s.window_mm, dpi))), max(3, short_side - 1))
     parameters: dict[str, int | float] = {"window": window if window % 2 else window - 1}
     if s.binarize in BEST_K:
         k = BEST_K[s.binarize] if s.k == "auto" else float(s.k)
         parameters["k"] = -k if s.binarize == "nick" else k
     return parameters
-
-
-def _grey(page: Page) -> NDArray[np.uint8]:
-    """Brightness as 8 bit: the luma of sRGB, as OCR programs and thresholds expect it."""
-    pixels = np.asarray(page.pixels)
-    if pixels.dtype == np.uint16:
-        pixels = (pixels // 256).astype(np.uint8)
-    if pixels.ndim == 3:
-        pixels = cv2.cvtColor(np.ascontiguousarray(pixels), cv2.COLOR_RGB2GRAY)
-    return np.ascontiguousarray(pixels, np.uint8)

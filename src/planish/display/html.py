@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from planish.color import to_uint8
+
 if TYPE_CHECKING:
     from PIL.Image import Image
 
@@ -23,9 +25,7 @@ def as_image(pixels: NDArray[Any]) -> Image:
     """Pixels as a Pillow image: mode 1, L or RGB; 16 bits are rounded to 8, since Pillow has no colours of 16."""
     from PIL import Image
 
-    if pixels.dtype == np.uint16:
-        pixels = ((pixels.astype(np.uint32) + 128) // 257).astype(np.uint8)
-    return Image.fromarray(pixels)
+    return Image.fromarray(to_uint8(pixels) if pixels.dtype == np.uint16 else pixels)
 
 
 def small_png(pixels: NDArray[Any]) -> bytes:

@@ -8,6 +8,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from planish.color import to_grey
+from planish.dpi import MM_PER_INCH
 from planish.types import Page
 
 LOOK_DPI = 150.0
@@ -42,8 +44,8 @@ class Ink:
 def ink_of(page: Page) -> Ink:
     """Find the ink of the letters, at 150 dpi or the page's own resolution where that is less."""
     scale = min(1.0, LOOK_DPI / page.dpi)
-    mm = scale * page.dpi / 25.4
-    grey, known = _grey(page), np.ascontiguousarray(page.known, np.uint8)
+    mm = scale * page.dpi / MM_PER_INCH
+    grey, known = to_grey(page.pixels), np.ascontiguousarray(page.known, np.uint8)
     if scale < 1:
         grey = cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
         known = cv2.resize(known, grey.shape[::-1], interpolation=cv2.INTER_NEAREST)
@@ -56,15 +58,6 @@ def ink_of(page: Page) -> Ink:
     )
     dark[cv2.dilate(rules, _box(3, 3)) > 25] = 0
     return Ink(dark.astype(np.float32) / np.float32(255), mm)
-
-
-def _grey(page: Page) -> NDArray[np.uint8]:
-    pixels = np.asarray(page.pixels)
-    if pixels.dtype == np.bool_:
-        return pixels.astype(np.uint8) * np.uint8(255)
-    if pixels.dtype == np.uint16:
-        pixels = (pixels // 256).astype(np.uint8)
-    return np.asarray(cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY) if pixels.ndim == 3 else pixels, np.uint8)
 
 
 def _box(width: float, height: float) -> NDArray[np.uint8]:

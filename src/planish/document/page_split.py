@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planish.document.ink import Ink, ink_of
+from planish.dpi import mm_to_px, px_to_mm
 from planish.types import Floats, Mesh, Page, Spine
 
 BAND_MM = 10.0
@@ -116,7 +117,7 @@ def find_gutter(mesh: Mesh, page_xy: Floats, page: Page, *, certainly: bool) -> 
     Spine or None
         Moved by a little where letters touch it, so that a cut along it goes through none if that can be.
     """
-    width, height = (n / page.dpi * 25.4 for n in page.known.shape[::-1])
+    width, height = (px_to_mm(n, page.dpi) for n in page.known.shape[::-1])
     found = gutter_of_surface(mesh, page_xy, (width, height))
     if found is None and not certainly:
         return None
@@ -169,7 +170,7 @@ def split_pages(page: Page, spine: Spine) -> tuple[Page, Page]:
     [(20, 14), (20, 16)]
     """
     cols = page.known.shape[1]
-    at = int(np.clip(round(spine.x_mm * page.dpi / 25.4), 1, cols - 1))
+    at = int(np.clip(round(mm_to_px(spine.x_mm, page.dpi)), 1, cols - 1))
     parts = (slice(0, at), slice(at, cols))
     left, right = (replace(page, pixels=page.pixels[:, part], known=page.known[:, part]) for part in parts)
     return left, right

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from planish.color import to_uint8
 from planish.errors import InputError
 from planish.types import Bools, Pixels
 
@@ -77,7 +78,7 @@ def find_sheet(photo: Pixels) -> Bools | None:
     (True, False, True)
     """
     rows, cols = photo.shape[:2]
-    eight = photo if photo.dtype == np.uint8 else (photo >> 8).astype(np.uint8)
+    eight = to_uint8(photo)
     scale = min(1.0, LOOK_PX / max(rows, cols))
     small = cv2.resize(eight, (max(2, round(cols * scale)), max(2, round(rows * scale))), interpolation=cv2.INTER_AREA)
     bright = _without_print(small.max(axis=2))

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.spatial.transform import Rotation
 
+from planish.dpi import MM_PER_INCH
 from planish.gallery.light import Light
 from planish.gallery.photograph import photograph
 from planish.gallery.sheets import Sheet
@@ -261,7 +262,7 @@ def posed(
         return np.asarray(lying @ rotation.T + middle)
 
     board = Sheet("board", float(size[0]), float(size[1]), bend)
-    return board, Page(pixels, np.ones(pixels.shape, bool), 25.4 * square_px / square_mm)
+    return board, Page(pixels, np.ones(pixels.shape, bool), MM_PER_INCH * square_px / square_mm)
 
 
 def board_poses(count: int, rng: np.random.Generator | int = 0) -> Iterator[tuple[Floats, Floats]]:

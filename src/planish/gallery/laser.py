@@ -14,6 +14,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from planish.color import code_values
+from planish.dpi import MM_PER_INCH
 from planish.gallery.light import Light, irradiance, visibility
 from planish.gallery.photograph import photograph
 from planish.gallery.scanner import overhead_camera
@@ -180,7 +181,7 @@ def squared_paper(sheet: Sheet, square_mm: float = 8.0) -> tuple[Page, str]:
     dots = 6  # a millimetre
     row, col = np.mgrid[: round(sheet.height_mm * dots), : round(sheet.width_mm * dots)]
     line = np.minimum(row % (square_mm * dots), col % (square_mm * dots)) < dots / 2
-    return Page(np.where(line, 60, 255).astype(np.uint8), np.ones(row.shape, bool), 25.4 * dots), ""
+    return Page(np.where(line, 60, 255).astype(np.uint8), np.ones(row.shape, bool), MM_PER_INCH * dots), ""
 
 
 def plane_through(source: Sequence[float], foot: Sequence[float], along: Sequence[float] = (0.0, 1.0, 0.0)) -> Floats:

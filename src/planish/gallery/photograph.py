@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from planish.dpi import mm_to_px
 from planish.gallery.light import Light, irradiance, visibility
 from planish.gallery.sheets import Sheet, normals
 from planish.gallery.sight import FineMesh, facing, interpolated, page_per_pixel, pixels_of, project, put_right
@@ -80,7 +81,7 @@ def photograph(
     for top in range(0, len(photo), BAND):
         bottom = min(top + BAND, len(photo))
         linear = np.zeros((bottom - top, face.shape[1], 3), np.float32)
-        scene = face, places, bright, front, slopes, print_, reflect, page.dpi / 25.4, size
+        scene = face, places, bright, front, slopes, print_, reflect, mm_to_px(1, page.dpi), size
         with thread_pool() as parallel_for:
             parallel_for(_expose, bottom - top, top, *scene, linear, block=64)
         levels = 255 * np.clip(linear, 0, 1) ** np.float32(1 / light.gamma)

@@ -7,6 +7,7 @@ from typing import Literal
 
 import numpy as np
 
+from planish.dpi import px_to_mm
 from planish.errors import UsageError
 from planish.gallery.light import Light
 from planish.gallery.noise import Noise, noise_at
@@ -204,8 +205,8 @@ def _zoomed(camera: Camera, zoom: float) -> tuple[int, int]:
 
 def _check_size(page: Page, sheet: Sheet) -> None:
     rows, cols = page.pixels.shape[:2]
-    width, height = cols * 25.4 / page.dpi, rows * 25.4 / page.dpi
-    if max(abs(width - sheet.width_mm), abs(height - sheet.height_mm)) > 25.4 / page.dpi:
+    width, height = px_to_mm(cols, page.dpi), px_to_mm(rows, page.dpi)
+    if max(abs(width - sheet.width_mm), abs(height - sheet.height_mm)) > px_to_mm(1, page.dpi):
         raise UsageError(
             f"the print is {width:.1f} x {height:.1f} mm, the sheet {sheet.width_mm:.1f} x {sheet.height_mm:.1f} mm; "
             "typeset a page of the sheet's size"

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageChops, ImageDraw, ImageFont
 
+from planish.dpi import mm_to_px
 from planish.gallery import prose
 from planish.gallery.artwork import hills, line_drawing, stamp_print
 from planish.gallery.sheets import Sheet
@@ -95,7 +96,7 @@ def typeset_page(
     >>> text.splitlines()[0]
     'On paper that will not lie flat 17'
     """
-    px = dpi / 25.4
+    px = mm_to_px(1, dpi)
     image = Image.new("RGB", (round(width_mm * px), round(height_mm * px)), "white")
     left, right, head = 0.115 * width_mm * px, 0.885 * width_mm * px, 0.07 * height_mm * px
     top, bottom = 0.11 * height_mm * px, 0.93 * height_mm * px

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from planish.dpi import mm_to_px
 from planish.gallery.photograph import INK, PAPER, TABLE
 from planish.gallery.sheets import Sheet, normals
 from planish.gallery.sight import FineMesh, facing, fine_mesh, interpolated, pixels_of, project, put_right
@@ -142,7 +143,7 @@ def reflectance(seen: View, page: Page, gamma: float = 2.2) -> Floats:
     print_ = page.pixels if page.pixels.ndim == 3 else np.repeat(page.pixels[..., None], 3, axis=2)
     known = np.isfinite(seen.page_xy[..., 0])
     sent = np.where(np.isfinite(seen.points[..., :1]), TABLE, 0.0)
-    at = seen.page_xy[known][:, ::-1].T * (page.dpi / 25.4) - 0.5
+    at = seen.page_xy[known][:, ::-1].T * mm_to_px(1, page.dpi) - 0.5
     for k in range(3):
         light = (print_[..., k].astype(np.float32) / 255) ** gamma
         sent[known, k] = PAPER[k] * (INK + (1 - INK) * ndimage.map_coordinates(light, at, order=1, mode="nearest"))

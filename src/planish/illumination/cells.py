@@ -11,6 +11,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from planish.color import LUMINANCE, linear_light
+from planish.dpi import mm_to_px, px_to_mm
 from planish.parallel import thread_pool
 from planish.types import Bools, Page
 
@@ -68,7 +69,7 @@ def cell_statistics(page: Page) -> Cells:
     page : Page
         Colour or grey, 8 or 16 bit.
     """
-    side = max(2, round(CELL_MM * page.dpi / 25.4))
+    side = max(2, round(mm_to_px(CELL_MM, page.dpi)))
     pixels: NDArray[Any] = np.asarray(page.pixels)
     pixels = pixels[..., None] if pixels.ndim == 2 else pixels
     rows, cols = (-(-n // side) for n in pixels.shape[:2])
@@ -81,7 +82,7 @@ def cell_statistics(page: Page) -> Cells:
         parallel_for(
             _measure, rows, pixels, page.known, linear, side, step, light, darker, share, clipped, known, block=16
         )
-    return Cells(side, side * 25.4 / page.dpi, light, darker, share, clipped, known)
+    return Cells(side, px_to_mm(side, page.dpi), light, darker, share, clipped, known)
 
 
 @njit(cache=True, nogil=True)

@@ -9,6 +9,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from planish.color import LUMINANCE, code_values, linear_light
+from planish.dpi import mm_to_px
 from planish.illumination.cells import Field
 from planish.parallel import thread_pool
 from planish.types import Bools, Floats, Page, Pixels
@@ -68,7 +69,7 @@ def divide_illumination(page: Page, gain: Field, side: int) -> tuple[Pixels, Boo
 
 def _black(source: NDArray[Any], known: Bools, gain: Field, side: int, light: Field, dpi: float) -> float:
     """Light that the black ink sends back, or 0 where there is no black print."""
-    spot = max(1, round(SPOT_MM * dpi / 25.4))
+    spot = max(1, round(mm_to_px(SPOT_MM, dpi)))
     grey = np.ones((source.shape[0] // spot, source.shape[1] // spot), np.float32)
     with thread_pool() as parallel_for:
         parallel_for(_spots, len(grey), source, known, gain, side, light, spot, grey, block=ROWS)

@@ -7,10 +7,10 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from planish.color import luma
 from planish.errors import InputError
 from planish.io.files import files_in, is_folder
 from planish.io.images import read_photo
@@ -75,7 +75,7 @@ def read_captures(paths: Iterable[str | Path]) -> Captures:
                 f"{files[0]} has {frames.shape[2]} x {frames.shape[1]} of {8 * frames.dtype.itemsize}; give photos of "
                 "one camera, taken alike"
             )
-        frames[k] = cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY)
+        frames[k] = luma(pixels)
         if k == max(0, len(files) - 2):
             photo = pixels
     assert frames is not None

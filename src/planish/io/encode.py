@@ -10,10 +10,11 @@ from concurrent.futures import ThreadPoolExecutor
 from os import cpu_count
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from planish.color import to_uint8
+from planish.dpi import MM_PER_INCH
 from planish.io.metadata import SOFTWARE, Origin, creation_date, xmp_packet
 from planish.types import Page
 
@@ -22,7 +23,6 @@ JPEG_QUALITY = 95
 STRIP_BYTES = 1 << 20
 """Of a TIFF, before compression: a core's work for some milliseconds."""
 
-_MM_PER_INCH = 25.4
 _XRESOLUTION, _YRESOLUTION, _RESOLUTION_UNIT, _SOFTWARE = 0x011A, 0x011B, 0x0128, 0x0131
 _DESCRIPTION, _DATE_TIME, _XMP = 0x010E, 0x0132, 0x02BC
 _INCH = 2
@@ -42,7 +42,7 @@ def tiff_bytes(pages: Sequence[Page], origin: Origin | None = None) -> bytes:
     file = io.BytesIO()
     with tifffile.TiffWriter(file) as writer:
         for page in pages:
-            pixels = _grey(page.pixels)
+            pixels = to_uint8(page.pixels) if page.pixels.dtype == bool else page.pixels
             rows = max(1, STRIP_BYTES // max(1, pixels[:1].nbytes))
             packet = xmp_packet(page.dpi, origin)
             writer.write(
@@ -106,7 +106,7 @@ def png_bytes(
     if icc:
         chunks += _png_chunk(b"iCCP", b"ICC Profile\0\0" + zlib.compress(icc))
     if dpi:
-        per_metre = round(dpi * 1000 / _MM_PER_INCH)
+        per_metre = round(dpi * 1000 / MM_PER_INCH)
         chunks += _png_chunk(b"pHYs", struct.pack(">IIB", per_metre, per_metre, 1))
         chunks += _png_chunk(b"tEXt", b"Software\0" + SOFTWARE.encode("latin-1"))
         chunks += _png_chunk(b"iTXt", b"XML:com.adobe.xmp\0\0\0\0\0" + xmp_packet(dpi, origin))
@@ -145,7 +145,7 @@ def jpeg_bytes(
     if dpi:  # JFIF holds whole dpi only
         options |= {"dpi": (round(dpi), round(dpi)), "exif": _exif(dpi, origin), "xmp": xmp_packet(dpi, origin)}
     file = io.BytesIO()
-    image = Image.fromarray(eight_bit(pixels))
+    image = Image.fromarray(to_uint8(pixels))
     image.save(file, "JPEG", quality=JPEG_QUALITY, subsampling=0, **options)
     return file.getvalue()
 
@@ -159,16 +159,3 @@ def _exif(dpi: float, origin: Origin | None) -> Image.Exif:
     if date := creation_date():
         exif[_DATE_TIME] = date.strftime("%Y:%m:%d %H:%M:%S")
     return exif
-
-
-def _grey(pixels: NDArray) -> NDArray:
-    """True and False as white and black."""
-    return pixels.astype(np.uint8) * np.uint8(255) if pixels.dtype == bool else pixels
-
-
-def eight_bit(pixels: NDArray) -> NDArray[np.uint8]:
-    """Pixels of 1 or 16 bits as 8."""
-    pixels = _grey(pixels)
-    if pixels.dtype == np.uint8:
-        return pixels
-    return ((pixels.astype(np.uint32) + 128) // 257).astype(np.uint8)

@@ -8,12 +8,13 @@ from typing import Any, BinaryIO
 
 from PIL import Image
 
+from planish.dpi import MM_PER_INCH
 from planish.io.suppress_stderr import silence
 
 _EXIF = 0x8769
 _FOCAL_LENGTH, _FOCAL_LENGTH_35_MM = 0x920A, 0xA405
 _PLANE_X_RESOLUTION, _PLANE_UNIT = 0xA20E, 0xA210
-_UNIT_MM = {2: 25.4, 3: 10.0, 4: 1.0}
+_UNIT_MM = {2: MM_PER_INCH, 3: 10.0, 4: 1.0}
 _DIAGONAL_35_MM = math.hypot(36, 24)
 _SENSORS = (4 / 3, 3 / 2)
 """Ratios of sides that cameras' sensors have; other pictures were cropped, and their focal length is not known."""

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-import cv2
 from PIL import Image
 
+from planish.color import to_grey
 from planish.errors import MissingExtraError, OutputError, UsageError
-from planish.io.encode import eight_bit
 from planish.types import Page
 
 SURE_OF_WAY = 5.0
@@ -99,5 +98,4 @@ def _dpi(page: Page) -> str:
 
 
 def _grey_image(page: Page) -> Image.Image:
-    pixels = eight_bit(page.pixels)
-    return Image.fromarray(cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY) if pixels.ndim == 3 else pixels)
+    return Image.fromarray(to_grey(page.pixels))

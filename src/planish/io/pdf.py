@@ -7,12 +7,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from planish.dpi import MM_PER_INCH
 from planish.errors import OutputError
 from planish.io.encode import jpeg_bytes, tiff_bytes
 from planish.io.metadata import SOFTWARE, Origin, creation_date, xmp_packet
 from planish.types import Page
 
-_MM_PER_INCH = 25.4
 _POINTS_PER_INCH = 72.0
 _PDF_POINTS = (3.0, 14_400.0)
 """Sides of a PDF page that viewers show."""
@@ -120,8 +120,8 @@ def _define_colours(pdf: Any) -> None:
 
 def _check_pdf_size(path: Path, page: Page) -> None:
     rows, cols = page.pixels.shape[:2]
-    width, height = (n / page.dpi * _MM_PER_INCH for n in (cols, rows))
-    smallest, largest = (points / _POINTS_PER_INCH * _MM_PER_INCH for points in _PDF_POINTS)
+    width, height = (n / page.dpi * MM_PER_INCH for n in (cols, rows))
+    smallest, largest = (points / _POINTS_PER_INCH * MM_PER_INCH for points in _PDF_POINTS)
     if not smallest <= min(width, height) <= max(width, height) <= largest:
         raise OutputError(
             f"{path}: the page is {width:.3g} x {height:.3g} mm, a PDF page {smallest:.1f} to {largest:.0f} mm a side;"

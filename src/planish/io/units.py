@@ -7,12 +7,13 @@ from typing import Literal, get_args
 
 import numpy as np
 
+from planish.dpi import MM_PER_INCH
 from planish.errors import InputError, UsageError
 from planish.types import Floats
 
 Unit = Literal["mm", "cm", "m", "in"]
 
-MM_PER_UNIT: dict[Unit, float] = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
+MM_PER_UNIT: dict[Unit, float] = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": MM_PER_INCH}
 
 PAGE_MM = (50.0, 1500.0)
 """Diagonal of a page that is taken for one: from a bus ticket to a newspaper spread."""

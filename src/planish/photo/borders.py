@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from planish.color import to_uint8
 from planish.photo.lines import TextLines
 from planish.types import Bools, Floats, Pixels
 
@@ -86,11 +87,8 @@ def _small(photo: Pixels) -> tuple[NDArray[np.uint8], float]:
     """The photo small, in Lab, its colours stretched; and photo pixels in one of its own."""
     step = max(1.0, max(photo.shape[:2]) / LONG_SIDE)
     size = (max(8, round(photo.shape[1] / step)), max(8, round(photo.shape[0] / step)))
-    part = np.asarray(photo)
     rough = max(1, int(step / 3))
-    part = part[::rough, ::rough]  # averaging every pixel of 48 million takes longer than all the rest
-    if part.dtype == np.uint16:
-        part = (part // 257).astype(np.uint8)
+    part = to_uint8(photo[::rough, ::rough])  # averaging every pixel of 48 million takes longer than all the rest
     small = cv2.resize(np.ascontiguousarray(part), size, interpolation=cv2.INTER_AREA)
     lab = cv2.cvtColor(cv2.medianBlur(small, 5), cv2.COLOR_RGB2LAB).astype(np.float32)
     lab[..., 1:] = 128 + COLOUR * (lab[..., 1:] - 128)

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from planish.color import to_grey, to_uint8
 from planish.photo.bent import Bent
 from planish.photo.cylinder import in_space, on_photo
 from planish.photo.free import grid
@@ -74,8 +75,7 @@ def _on_page(photo: Pixels, bent: Bent) -> tuple[Pixels, Bools]:
     step = max(1, int(np.ptp(xy, axis=0).max() / CELLS))  # cells of the page are about as large as the pixels then
     rows, cols = (max(n // step, 1) for n in part.shape[:2])
     small = cv2.resize(part[: rows * step, : cols * step], (cols, rows), interpolation=cv2.INTER_AREA)
-    if small.dtype == np.uint16:
-        small = (small // 257).astype(np.uint8)
+    small = to_uint8(small)
     coarse = ((xy - first + 0.5) / step - 0.5).astype(np.float32).reshape(*shape_rc, 2)
     size = [BETWEEN * (n - 1) + 1 for n in shape_rc[::-1]]
     where = cv2.warpAffine(coarse, np.eye(2, 3) * BETWEEN, size, flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
@@ -93,7 +93,7 @@ def _inner(shape_rc: tuple[int, ...]) -> Bools:
 
 def _blank(page: Pixels) -> Bools:
     """What is not print, nor next to it."""
-    grey = cv2.cvtColor(page, cv2.COLOR_RGB2GRAY)
+    grey = to_grey(page)
     paper = cv2.morphologyEx(grey, cv2.MORPH_CLOSE, np.ones((7, 7), np.uint8))
     printed = ink(grey) | (grey < (1 - FAINT) * paper)
     return np.asarray(cv2.dilate(printed.astype(np.uint8), np.ones((3, 3), np.uint8)) == 0)

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from planish.color import to_grey
 from planish.types import Bools, Floats, Pixels
 
 LONG_SIDE = 1700
@@ -72,11 +73,8 @@ def look_at(photo: Pixels, long_side: int = LONG_SIDE) -> Look:
     part = np.asarray(photo[: rows * step, : cols * step])
     if step > 1:  # first small, then grey: a tenth of the work
         part = cv2.resize(part, (cols, rows), interpolation=cv2.INTER_AREA)
-    if part.dtype == np.uint16:
-        part = (part // 257).astype(np.uint8)
-    grey = cv2.cvtColor(part, cv2.COLOR_RGB2GRAY)
     middle = (step - 1) / 2
-    return Look(np.asarray(grey, np.uint8), np.array([[step, 0, middle], [0, step, middle]], float))
+    return Look(to_grey(part), np.array([[step, 0, middle], [0, step, middle]], float))
 
 
 def ink(grey: NDArray[np.uint8]) -> Bools:

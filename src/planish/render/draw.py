@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from planish.color import linear_light
+from planish.color import LUMINANCE, linear_light
+from planish.dpi import MM_PER_INCH, mm_to_px
 from planish.errors import InputError
 from planish.memory import check_memory
 from planish.render.bands import render_bands
@@ -119,7 +120,7 @@ def _dpi(found: Resolution, settings: RenderSettings) -> float:
 def _page(
     seen: Sequence[PhotoView], mixed: Blend | None, size_mm: tuple[float, float], dpi: float, icc: bytes | None
 ) -> Page:
-    pixels, known = render_bands(seen, mixed, _shape(size_mm, dpi, seen[0].photo.dtype.itemsize), dpi / 25.4)
+    pixels, known = render_bands(seen, mixed, _shape(size_mm, dpi, seen[0].photo.dtype.itemsize), mm_to_px(1, dpi))
     pixels[~known] = _paper(pixels, known)
     return Page(pixels, known, dpi, icc)
 
@@ -127,9 +128,9 @@ def _page(
 def _mixed(seen: Sequence[PhotoView], size_mm: tuple[float, float]) -> Blend:
     """How much of each photo the page takes where, from a coarse page of each."""
     cell_mm, (rows, cols) = cells(size_mm)
-    finest = max(sight.resolution.median_ppi for sight in seen) * cell_mm / 25.4
+    finest = max(sight.resolution.median_ppi for sight in seen) * cell_mm / MM_PER_INCH
     across = int(min(np.clip(np.ceil(finest), *LOOK_PX), max(1, (LOOK_PIXELS / (rows * cols)) ** 0.5)))
-    looks = [_look(shrunk(sight, 25.4 * across / cell_mm), (rows, cols), across, cell_mm) for sight in seen]
+    looks = [_look(shrunk(sight, MM_PER_INCH * across / cell_mm), (rows, cols), across, cell_mm) for sight in seen]
     return blend(seen, looks, cell_mm)
 
 
@@ -151,7 +152,7 @@ def _parts(best: NDArray[np.int64], count: int) -> tuple[float, ...]:
 
 
 def _shape(size_mm: tuple[float, float], dpi: float, itemsize: int) -> tuple[int, int]:
-    cols, rows = (max(1, round(mm * dpi / 25.4)) for mm in size_mm)
+    cols, rows = (max(1, round(mm_to_px(mm, dpi))) for mm in size_mm)
     page = f"a page of {size_mm[0]:.0f} x {size_mm[1]:.0f} mm at {dpi:g} dpi"
     if rows * cols > MOST_PIXELS:
         raise InputError(
@@ -168,5 +169,5 @@ def _paper(pixels: Pixels, known: Bools) -> NDArray[np.generic]:
     some = pixels[::step, ::step][known[::step, ::step]]
     if not len(some):
         return np.full(3, np.iinfo(pixels.dtype).max, pixels.dtype)
-    light = some @ np.array([0.2126, 0.7152, 0.0722])
+    light = some @ LUMINANCE
     return np.asarray(np.median(some[light >= np.median(light)], axis=0).astype(pixels.dtype))

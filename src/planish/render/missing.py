@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from planish.dpi import mm_to_px, px_to_mm
 from planish.types import Bools, Page
 
 WIDE_MM = 1.0
@@ -48,7 +49,7 @@ def missing_regions(page: Page) -> MissingRegions:
         return MissingRegions(0, 0.0)
     _, label, box, _ = cv2.connectedComponentsWithStats(unseen, connectivity=8)
     counted = np.unique(label[wide > 0])
-    area = box[counted, cv2.CC_STAT_AREA].sum() * (25.4 / page.dpi) ** 2
+    area = box[counted, cv2.CC_STAT_AREA].sum() * px_to_mm(1, page.dpi) ** 2
     return MissingRegions(len(counted), float(area))
 
 
@@ -71,5 +72,5 @@ def mask_of(page: Page, clipped: Bools | None = None) -> Page:
 
 
 def _square(dpi: float) -> NDArray[np.uint8]:
-    side = max(1, round(WIDE_MM * dpi / 25.4))
+    side = max(1, round(mm_to_px(WIDE_MM, dpi)))
     return np.ones((side, side), np.uint8)

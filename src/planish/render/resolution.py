@@ -9,6 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from planish.dpi import MM_PER_INCH
 from planish.errors import InputError
 from planish.render.rasterize_ids import rasterize_ids
 from planish.render.uv_map import UVMap
@@ -73,7 +74,7 @@ def resolution(
     cell_mm, (rows, cols) = cells(size_mm)
     face = rasterize_ids(sheet.page_xy / cell_mm - 0.5, faces, (rows, cols))
     ppi = np.full((rows, cols), np.nan, np.float32)
-    _fill(face, faces, 25.4 * least_singular(sheet.jacobian), sheet.photo_xy, *photo_shape, ppi)
+    _fill(face, faces, MM_PER_INCH * least_singular(sheet.jacobian), sheet.photo_xy, *photo_shape, ppi)
     if not np.isfinite(ppi).any():
         low, high = sheet.photo_xy.min(axis=0), sheet.photo_xy.max(axis=0)
         raise InputError(

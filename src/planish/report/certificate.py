@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planish.color import LUMINANCE
+from planish.dpi import MM_PER_INCH
 from planish.report.drawing import FAINT, GREEN, INK, RED, SOFT, Sheet, length, wrapped
 from planish.report.heat import TOP, coloured, over_page, round_above, round_span
 from planish.types import Criterion, Floats, Restoration
@@ -97,7 +98,7 @@ def _groups(done: Restoration) -> list[tuple[str, list[tuple[str, str]]]]:
         (
             "PAGE",
             [
-                ("size", f"{width:.1f} x {height:.1f} mm ({width / 25.4:.2f} x {height / 25.4:.2f} in)"),
+                ("size", f"{width:.1f} x {height:.1f} mm ({width / MM_PER_INCH:.2f} x {height / MM_PER_INCH:.2f} in)"),
                 ("drawn at", f"{page.dpi or 0:g} dpi"),
                 ("the photo has", f"{page.effective_ppi_median or 0:.0f} ppi (median)"),
                 ("over nine tenths at least", f"{page.effective_ppi_p10 or 0:.0f} ppi"),

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from planish.report.drawing import INK, SOFT, Sheet, eight_bit, fitted
+from planish.report.drawing import INK, SOFT, Sheet, fitted, rgb_uint8
 from planish.types import Bools, Pixels
 
 GROUND = "#f2f1ee"
@@ -37,7 +37,7 @@ def contact_sheet(pictures: Mapping[str, Pixels | Bools], title: str = "", colum
     >>> contact_sheet({"before": np.zeros((100, 80), bool), "after": np.ones((100, 80), bool)}, columns=2).shape
     (904, 1308, 3)
     """
-    small = {caption: fitted(eight_bit(picture), *CARD) for caption, picture in pictures.items()}
+    small = {caption: fitted(rgb_uint8(picture), *CARD) for caption, picture in pictures.items()}
     rows = -(-len(small) // columns)
     tallest = [_tallest(list(small.values())[r * columns : (r + 1) * columns]) for r in range(rows)]
     head = TITLE if title else 0

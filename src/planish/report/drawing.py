@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
+from planish.color import to_uint8
 from planish.types import Bools, Pixels
 
 INK, SOFT, FAINT = "#1d2327", "#5f6b73", "#c9d0d4"
@@ -57,7 +58,7 @@ class Sheet:
         self, pixels: Pixels | Bools, box: tuple[float, float, float, float], *, framed: bool = True
     ) -> tuple[int, int, int, int]:
         """Fit a picture into a box (left, top, width, height), at its top and in its middle; returns its own box."""
-        small = fitted(eight_bit(pixels), box[2], box[3])
+        small = fitted(rgb_uint8(pixels), box[2], box[3])
         rows, cols = small.shape[:2]
         left, top = round(box[0] + (box[2] - cols) / 2), round(box[1])
         self.image.paste(Image.fromarray(small), (left, top))
@@ -100,11 +101,10 @@ def fitted(picture: NDArray[np.uint8], width: float, height: float) -> NDArray[n
     )
 
 
-def eight_bit(picture: Pixels | Bools) -> NDArray[np.uint8]:
-    """Any picture as (rows, cols, 3) uint8."""
-    scale = {np.dtype(bool): 255.0, np.dtype(np.uint16): 1 / 257}.get(picture.dtype, 1.0)
-    eight = picture if picture.dtype == np.uint8 else (picture * scale).astype(np.uint8)
-    return np.asarray(eight if eight.ndim == 3 else np.repeat(eight[..., None], 3, axis=2), np.uint8)
+def rgb_uint8(picture: Pixels | Bools) -> NDArray[np.uint8]:
+    """Convert an image of any kind to (rows, cols, 3) uint8."""
+    eight = to_uint8(picture)
+    return eight if eight.ndim == 3 else np.repeat(eight[..., None], 3, axis=2)
 
 
 @lru_cache

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planish.mesh import point_normals, rasterize
-from planish.report.drawing import eight_bit
+from planish.report.drawing import rgb_uint8
 from planish.types import Bools, Floats, Ints, Pixels
 
 BACKGROUND = np.array([250, 250, 248], np.uint8)
@@ -70,7 +70,7 @@ def side_by_side(pictures: Sequence[Pixels | Bools], *, columns: int = 6, height
     gap : int
         Pixels around and between.
     """
-    small = [_of_height(eight_bit(picture), height) for picture in pictures]
+    small = [_of_height(rgb_uint8(picture), height) for picture in pictures]
     rows = [small[k : k + columns] for k in range(0, len(small), columns)]
     widths = [sum(p.shape[1] + gap for p in row) + gap for row in rows]
     sheet = np.full((len(rows) * (height + gap) + gap, max(widths), 3), GROUND, np.uint8)

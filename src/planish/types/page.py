@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from planish.display.html import as_image, html_picture, html_table, small_jpeg, small_png
+from planish.dpi import MM_PER_INCH
 from planish.errors import MissingExtraError
 from planish.types.arrays import Bools, Pixels, freeze
 from planish.types.prepared import PreparedScan
@@ -19,8 +20,6 @@ from planish.types.summary import summary
 if TYPE_CHECKING:
     from PIL.Image import Image
     from xarray import DataArray
-
-_MM_PER_INCH = 25.4
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +57,7 @@ class Page:
     def size_mm(self) -> tuple[float, float]:
         """Width and height of the image on paper."""
         rows, cols = self.known.shape
-        return cols * _MM_PER_INCH / self.dpi, rows * _MM_PER_INCH / self.dpi
+        return cols * MM_PER_INCH / self.dpi, rows * MM_PER_INCH / self.dpi
 
     def to_pil(self) -> Image:
         """The page as a Pillow image, with its dpi and colour profile; 16 bits are rounded to 8."""
@@ -82,7 +81,7 @@ class Page:
             raise MissingExtraError("a page as an xarray needs the extra: pip install 'planish[xarray]'") from None
 
         # the centre of the pixel in column c lies c + 1/2 pixels from the left side
-        y, x = ((np.arange(n) + 0.5) * _MM_PER_INCH / self.dpi for n in self.known.shape)
+        y, x = ((np.arange(n) + 0.5) * MM_PER_INCH / self.dpi for n in self.known.shape)
         places = {"y": ("y", y, {"units": "mm"}), "x": ("x", x, {"units": "mm"}), "known": (("y", "x"), self.known)}
         return DataArray(self.pixels, places, ("y", "x", "channel")[: self.pixels.ndim], "page", {"dpi": self.dpi})
 

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from planish.color import to_uint8
 from planish.mesh import rasterize
-from planish.report.drawing import eight_bit
+from planish.report.drawing import rgb_uint8
 from planish.report.heat import TOP, over_page, round_above, round_span
 from planish.types import Floats, Page, Restoration, Scan
 from planish.view.settling import Settling
@@ -145,8 +146,7 @@ def _map(
 
 def _small(page: Page) -> NDArray[np.uint8]:
     """A page as a picture of the size of a screen, grey where it is black and white."""
-    to_eight = {np.dtype(bool): 255.0, np.dtype(np.uint16): 1 / 257}.get(page.pixels.dtype)
-    pixels = np.asarray(page.pixels if to_eight is None else page.pixels * to_eight, np.uint8)
+    pixels = to_uint8(page.pixels)
     rows, cols = pixels.shape[:2]
     scale = LONG_SIDE / max(rows, cols)
     if scale >= 1:
@@ -194,7 +194,7 @@ def _photo_on_page(scan: Scan, page_xy: Floats, size_mm: tuple[float, float]) ->
     if off > ALIKE * np.hypot(*size_mm):
         return None
     margin, scale, size = _frame(size_mm)
-    photo = eight_bit(scan.photo)
+    photo = rgb_uint8(scan.photo)
     turn, shift = turn * scale, (shift + margin) * scale - 0.5
     shrink = min(1.0, float(np.sqrt(abs(np.linalg.det(turn)))))
     rows, cols = photo.shape[:2]
@@ -231,6 +231,6 @@ def _from_above(done: Restoration, fall: Settling) -> NDArray[np.uint8]:
     page = _small(done.rendered)
     at = place * [page.shape[1] / size_mm[0], page.shape[0] / size_mm[1]] - 0.5
     seen = cv2.remap(page, at.astype(np.float32), None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    seen = eight_bit(np.asarray(seen))
+    seen = rgb_uint8(np.asarray(seen))
     seen[face < 0] = GROUND
     return seen

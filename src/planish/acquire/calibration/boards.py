@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
+from planish.dpi import MM_PER_INCH
 from planish.errors import UsageError
 from planish.types import Floats, Page
 
@@ -103,7 +104,7 @@ def board_page(board: Board, paper: str = "a4") -> Page:
     sheet.paste(drawn, ((sheet.width - drawn.width) // 2, (sheet.height - drawn.height) // 2 - 3 * PX_PER_MM))
     _scale(sheet, f"{board.columns} x {board.rows} squares of {board.square_mm:g} mm, {board.kind}; print at 100 %")
     pixels = np.asarray(sheet) > 127
-    return Page(pixels, np.ones_like(pixels), PX_PER_MM * 25.4)
+    return Page(pixels, np.ones_like(pixels), PX_PER_MM * MM_PER_INCH)
 
 
 def find_corners(board: Board, grey: NDArray[np.uint8]) -> tuple[NDArray[np.intp], Floats] | None:

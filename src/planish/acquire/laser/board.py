@@ -11,6 +11,7 @@ from planish.acquire.calibration.boards import Board, corner_places, find_corner
 from planish.acquire.laser.lines import brightest_colour, without_laser
 from planish.acquire.laser.stripes import Direction, find_stripes, print_of
 from planish.acquire.laser.sweep import crossings_xy, plane_of
+from planish.color import to_grey
 from planish.errors import InputError
 from planish.geometry.triangulation import meet_plane, rays
 from planish.types import Camera, Floats, Pixels
@@ -131,9 +132,7 @@ def _straight(points: Floats, off: float) -> Floats:
 
 def _pose(photo: Pixels, name: str, camera: Camera, board: Board) -> tuple[Floats, Floats]:
     """The board's plane (4,) in the world, and the outline (k, 2) of its corners on the photo."""
-    grey = cv2.cvtColor(without_laser(photo, brightest_colour(photo)), cv2.COLOR_RGB2GRAY)
-    grey = grey if grey.dtype == np.uint8 else (grey >> 8).astype(np.uint8)
-    found = find_corners(board, np.asarray(grey, np.uint8))
+    found = find_corners(board, to_grey(without_laser(photo, brightest_colour(photo))))
     if found is None:
         raise InputError(
             f"{name} shows no {board.kind} of {board.columns} x {board.rows} squares; it must be in view, sharp, and "
