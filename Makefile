@@ -3,10 +3,11 @@ PYTHON ?= python3
 VENV   ?= .venv
 BIN    := $(VENV)/bin
 READY  := $(VENV)/.ready
+PYTEST := $(BIN)/python -m pytest -q --numprocesses auto --dist loadfile --no-loadscope-reorder
 SECONDS := 600
 READERS := obj ply gltf tifxyz images depths captures cameras lasers clouds
 
-.PHONY: demo test lint bench view fuzz docs site dist clean
+.PHONY: demo test quick lint bench view fuzz docs site dist clean
 
 $(READY): pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -17,8 +18,17 @@ $(READY): pyproject.toml
 demo: $(READY)  ## scan a bound page virtually, restore it, show the numbers; see planish-demo/
 	$(BIN)/planish demo book -o planish-demo
 
-test: $(READY)  ## every test and every example in the docstrings
-	$(BIN)/python -m pytest -q
+# As many processes as cores: libraries that would share out work among cores once more only wait for each other. Tests
+# start many programs; where those may not keep their bytecode, each compiles all of planish anew.
+test quick: export OPENBLAS_NUM_THREADS := 1
+test quick: export OMP_THREAD_LIMIT := 1
+test quick: export PYTHONDONTWRITEBYTECODE :=
+
+test: $(READY)  ## every test and every example in the docstrings, on all cores
+	$(PYTEST)
+
+quick: $(READY)  ## the tests that take less than a second, a few of every room
+	$(PYTEST) -m "not slow"
 
 lint: $(READY)  ## style, imports that point one way, types
 	$(BIN)/ruff check .

@@ -2,7 +2,7 @@
 
 Each is bent in one of the gallery's ways and has some of: noise, holes, cuts, an odd outline, slivers, flipped and
 doubled faces, points that are no numbers, a second piece, another scale. The same that the tests run a thousand of
-(tests/random_sheets.py): an answer that is not finite, that comes too late, or that keeps quiet about a flipped face
+(tests/random_sheets.py): an answer that is not finite, or that keeps quiet about a flipped face
 or an overlap ends the run. Prints a Markdown table.
 """
 

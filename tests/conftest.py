@@ -1,6 +1,102 @@
-"""The same examples on every run, so that a red run can be repeated; no deadline, as kernels compile on first use."""
+"""What holds for every test: the same examples on every run, no network, compiled kernels shared by all processes."""
 
+import fcntl
+import functools
+import ipaddress
+import os
+import socket
+import sys
+from collections import Counter
+
+import pytest
 from hypothesis import settings
+from numba.core.caching import IndexDataCacheFile
 
+from captures import DATA
+
+# A red run can be repeated; no deadline, as kernels compile on first use.
 settings.register_profile("planish", derandomize=True, deadline=None)
 settings.load_profile("planish")
+
+
+def pytest_configure():
+    for name, kind in (("load", fcntl.LOCK_SH), ("save", fcntl.LOCK_EX)):
+        setattr(IndexDataCacheFile, name, _locked(getattr(IndexDataCacheFile, name), kind))
+
+
+def _locked(method, kind):
+    """Lock the folder of Numba's cache.
+
+    Two processes that save different signatures of one kernel at the same moment take the same file name for both, and
+    the index then gives one signature the code of the other.
+    """
+
+    @functools.wraps(method)
+    def locked(self, *arguments):
+        try:
+            folder = os.open(self._cache_path, os.O_RDONLY)
+        except FileNotFoundError:  # nothing was compiled yet
+            return method(self, *arguments)
+        try:
+            fcntl.flock(folder, kind)
+            return method(self, *arguments)
+        finally:
+            os.close(folder)
+
+    return locked
+
+
+def pytest_collection_modifyitems(items):
+    """Files with the most slow tests come first, so that no process is left with one of them at the end."""
+    slow = Counter(item.path for item in items if item.get_closest_marker("slow"))
+    items.sort(key=lambda item: -slow[item.path])
+
+
+def pytest_runtest_setup(item):
+    for marker in item.iter_markers("shared"):
+        folder = DATA.joinpath(*marker.args)
+        if not folder.exists():
+            pytest.skip(f"needs real captures, which are no part of the project: {folder} does not exist")
+
+
+# No network ----------------------------------------------------------------------------------------------------------
+
+
+class NetworkError(BaseException):
+    """A test reached for the network; no `except Exception` or `except OSError` hides it."""
+
+
+WATCHED = {"socket.connect": 1, "socket.sendto": 1, "socket.getaddrinfo": 0, "socket.gethostbyname": 0}
+"""Audit events of Python's sockets, and which of their arguments names the other side."""
+
+
+@pytest.fixture(scope="session", autouse=True)
+def no_network():
+    """Let sockets reach this machine alone, here and in programs that are started from here and heed a proxy."""
+    watching = True
+
+    def watch(event, arguments):
+        if watching and event in WATCHED and not _is_here(event, arguments):
+            raise NetworkError(f"a test reached for the network: {event} {arguments[WATCHED[event]]}")
+
+    sys.addaudithook(watch)  # it stays for as long as the process does
+    with pytest.MonkeyPatch.context() as patch:
+        for name in ("http_proxy", "https_proxy", "HTTP_PROXY", "HTTPS_PROXY"):
+            patch.setenv(name, "http://127.0.0.1:9")  # nobody listens there
+        for name in ("no_proxy", "NO_PROXY"):
+            patch.setenv(name, "127.0.0.1,localhost")
+        yield
+    watching = False
+
+
+def _is_here(event, arguments):
+    address = arguments[WATCHED[event]]
+    if event == "socket.connect" and arguments[0].type == socket.SOCK_DGRAM:
+        return True  # sends nothing; Dask asks so for its own address
+    host = address[0] if isinstance(address, tuple) else address
+    if not isinstance(host, str) or host in ("", "localhost", socket.gethostname()) or host.startswith("/"):
+        return True  # None and bytes: any own address, or a socket in the file system
+    try:
+        return ipaddress.ip_address(host).is_loopback or ipaddress.ip_address(host).is_unspecified
+    except ValueError:
+        return False  # a name that somebody else would have to be asked for

@@ -1,9 +1,7 @@
 """Gray code to scans: truth from the patterns themselves and from a virtual projector before a known book page."""
 
 import json
-import os
 from dataclasses import replace
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -11,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from captures import DATA
 from planish.acquire.structured_light.frames import check_frames
 from planish.acquire.structured_light.gray_code import Codes, bits_for, decode, frame_count, patterns
 from planish.acquire.structured_light.projector import check_fit, coarser, points_and_misses
@@ -226,7 +225,7 @@ def test_patterns_are_written(tmp_path):
     assert run(["acquire", "patterns", "--size", "1", "40", "-o", str(tmp_path / "p")]) == 2
 
 
-REAL = Path(os.environ.get("PLANISH_DATA", "nowhere")) / "graycode"
+REAL = DATA / "graycode"
 
 
 @pytest.fixture(scope="module")
@@ -240,7 +239,7 @@ def real():
     return read_captures(photos).frames, camera, projector
 
 
-@pytest.mark.skipif(not REAL.exists(), reason="PLANISH_DATA names no folder with graycode/")
+@pytest.mark.shared("graycode")
 class TestRealCapture:
     """A chessboard of 75 mm squares at 3.2 m, and a projector calibrated at twice the resolution of its code."""
 

@@ -1,19 +1,15 @@
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
 
+from captures import DATA
 from planish.errors import InputError, OutputError, UsageError
 from planish.geometry import project
 from planish.io import check_flat_name, read_scan, write_flat, write_scan
 from planish.types import Mesh, Scan
 from samples import camera_above, obj_text, picture, sheet_scan, write_obj_by_hand
-
-DATA = Path(__file__).parents[2] / "shared" / "data"
-real = pytest.mark.skipif(not DATA.exists(), reason="the real captures are not beside this checkout")
-
 
 # Reading
 
@@ -441,7 +437,7 @@ def test_a_further_photo_with_another_colour_profile(tmp_path):
 # Real captures
 
 
-@real
+@pytest.mark.shared("virtual_scans")
 @pytest.mark.parametrize("name", ["book_clean", "letter"])
 def test_camera_and_texture_of_a_virtual_scan_agree(name):
     base = DATA / "virtual_scans" / name / name
@@ -452,7 +448,7 @@ def test_camera_and_texture_of_a_virtual_scan_agree(name):
     np.testing.assert_allclose(seen, found.scan.photo_xy, atol=0.003)  # texture coordinates of 6 digits
 
 
-@real
+@pytest.mark.shared("curled_map")
 def test_matrices_and_texture_of_the_curled_map_agree():
     folder = DATA / "curled_map"
     found = read_scan(folder / "curled_map.obj", camera=folder / "cameras.json")
@@ -462,7 +458,7 @@ def test_matrices_and_texture_of_the_curled_map_agree():
     assert other.scan.photo_xy is None
 
 
-@real
+@pytest.mark.shared("handheld_sheet")
 @pytest.mark.parametrize("name", ["033", "065", "097", "145"])
 def test_handheld_sheets_are_read(name):
     found = read_scan(DATA / "handheld_sheet" / f"{name}.obj")

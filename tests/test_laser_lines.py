@@ -2,12 +2,12 @@
 
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from captures import DATA
 from planish.acquire.calibration.boards import Board, board_pixels
 from planish.acquire.laser.axis import axis_of_boards, turned
 from planish.acquire.laser.board import planes_of_boards
@@ -36,7 +36,7 @@ from planish.io.lasers import read_motion, read_rig, read_sweep, write_rig
 from planish.types import Camera, Page
 
 PHOTO_PX = (900, 700)
-REAL = Path(__file__).parent.parent.parent / "shared" / "data" / "laser_lines_book"
+REAL = DATA / "laser_lines_book"
 
 
 @pytest.fixture(scope="module")
@@ -298,7 +298,7 @@ def test_a_bad_rig_file_is_a_sentence(tmp_path, told, sentence):
         read_rig(path)
 
 
-@pytest.mark.skipif(not REAL.is_dir(), reason="real captures lie beside the checkout")
+@pytest.mark.shared("laser_lines_book")
 def test_real_squared_books_come_out_squared():
     """Lasers and lens found from one photo; the squares of the other, whose book is bent far more, come out equal."""
     camera = Camera(np.array([[1014.9, 0, 499.5], [0, 1014.9, 374.5], [0, 0, 1]]), np.eye(3), np.zeros(3), (750, 1000))

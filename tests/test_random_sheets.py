@@ -1,4 +1,4 @@
-"""A thousand random sheets: each ends in time, with finite places, and with every flip and overlap told."""
+"""A thousand random sheets: each ends, with finite places, and with every flip and overlap told."""
 
 from collections import Counter
 

@@ -5,7 +5,6 @@ true length of an edge is the distance of its ends on the page.
 """
 
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,6 +13,7 @@ from hypothesis import strategies as st
 from numba import get_num_threads, set_num_threads
 from scipy.ndimage import gaussian_filter
 
+from captures import DATA
 from planish.flattening import flatten
 from planish.gallery import sheet, sheet_mesh
 from planish.gallery.meshes import SCANNER_MM
@@ -25,8 +25,6 @@ from planish.sticks import make_sticks
 from planish.surface import Smoothing, smooth_lengths, smooth_normals
 from planish.types import Mesh
 from shapes import arch, grid, rigid_rms
-
-DATA = Path(__file__).parents[2] / "shared" / "data"
 
 SHEETS = {
     "flat": sheet("flat", width_mm=70.0, height_mm=70.0),
@@ -309,8 +307,6 @@ def test_any_heap_of_triangles_gives_finite_lengths(seed, squeeze):
 
 
 def obj(path):
-    if not path.exists():
-        pytest.skip(f"{path} is not here; it is not part of the project")
     rows = [line.split() for line in path.read_text().splitlines()]
     points = np.array([row[1:4] for row in rows if row and row[0] == "v"], float)
     texture = np.array([row[1:3] for row in rows if row and row[0] == "vt"], float)
@@ -320,6 +316,7 @@ def obj(path):
     return points, faces, texture, uses
 
 
+@pytest.mark.shared("folded_sheet")
 def test_a_crumpled_mesh_without_noise_keeps_its_raw_lengths():
     points, faces, _, _ = obj(DATA / "folded_sheet" / "crumpled_developable.obj")
     topo = topology(faces, len(points))
@@ -327,6 +324,7 @@ def test_a_crumpled_mesh_without_noise_keeps_its_raw_lengths():
     np.testing.assert_allclose(got.rest, distances(points, topo.edges), rtol=2e-6)
 
 
+@pytest.mark.shared("handheld_sheet")
 @pytest.mark.parametrize("shape", ["033", "065", "097", "145"])
 def test_a_coarse_real_scan_gets_no_worse(shape):
     points, faces, _, _ = obj(DATA / "handheld_sheet" / f"{shape}.obj")
@@ -338,7 +336,7 @@ def test_a_coarse_real_scan_gets_no_worse(shape):
     assert np.abs(smooth_lengths(points, faces, topo).rest - true).mean() <= 1.02 * raw
 
 
-@pytest.mark.skipif(not (DATA / "handheld_sheet").exists(), reason="the real captures are not beside the project")
+@pytest.mark.shared("handheld_sheet")
 def test_real_coarse_sheets_lie_as_true_as_their_points_were_measured():
     """301 points 18 mm apart, true to about a millimetre themselves; 1.20 mm with one round of smoothing for bends."""
     truth_mm = np.loadtxt(DATA / "handheld_sheet" / "flat_truth_mm.csv", delimiter=",", comments="#")
