@@ -59,7 +59,7 @@ def check(seed: int) -> str:
     assert np.isfinite(flat.page_xy).all(), seed
     assert np.isfinite([*flat.size_mm, said.strain_rms, said.expected_error_mm]).all(), seed
     prepared = repair(scan)
-    kept = prepared.place >= 0
+    kept = prepared.mesh_rows >= 0
     page = np.zeros((len(prepared.scan.mesh.points), 2))
     page[prepared.mesh_rows[kept]] = flat.page_xy[kept]
     ab, ac = (page[prepared.scan.mesh.faces[:, k]] - page[prepared.scan.mesh.faces[:, 0]] for k in (1, 2))

@@ -75,9 +75,9 @@ def test_a_tilted_page_upside_down_is_told():
 
 def test_where_letters_tell_little_what_was_told_counts():
     capitals = typeset_page(148, 210, dpi=150, title=None, story=tuple(p.upper() for p in STORY), table=False)[0]
-    assert detect_orientation(capitals, told=4.0)[0] == 0
-    assert detect_orientation(capitals, told=-4.0)[0] == 180
-    assert detect_orientation(turned(printed(), 180), told=0.5)[0] == 180  # letters in mixed case are surer than that
+    assert detect_orientation(capitals, prior=4.0)[0] == 0
+    assert detect_orientation(capitals, prior=-4.0)[0] == 180
+    assert detect_orientation(turned(printed(), 180), prior=0.5)[0] == 180  # letters in mixed case are surer than that
 
 
 def test_capitals_have_lines_but_no_certain_way_up():

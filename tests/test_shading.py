@@ -9,7 +9,7 @@ from scipy import ndimage
 from planish.color import code_values, linear_light
 from planish.errors import UsageError
 from planish.illumination import remove_shading
-from planish.illumination.lamp_model import Light, fit, robust, robust_slope
+from planish.illumination.lamp_model import LampModel, fit_lamp, robust, robust_slope
 from planish.illumination.shadow_visibility import shadow_visibility
 from planish.illumination.surface_at_pixels import Surface, coarse_mesh
 from planish.settings import ShadingSettings
@@ -220,7 +220,7 @@ def valley(page_xy):
 
 
 def test_a_picture_across_a_cast_shadow_is_not_made_brighter(shape):
-    """The left leaf throws its shadow on the right one; there the light is in doubt, but a grey picture is no paper."""
+    """The left leaf shades the right one; there the light is uncertain, but a grey picture is no paper."""
     page_xy, faces = grid(81, 61, WIDTH, HEIGHT)
     points, normals = valley(page_xy)
     mesh = Mesh(points, faces[:, ::-1])
@@ -290,7 +290,7 @@ def test_light_is_fitted_to_the_brightest_kind_of_cell():
     shine = irradiance(points, normals)
     printed = rng.random(3000) < 0.75
     bright = shine * np.where(printed, rng.uniform(0.05, 0.8, 3000), 1) * np.exp(rng.normal(0, 0.003, 3000))
-    light = fit(points, normals, np.zeros(3000), bright)
+    light = fit_lamp(points, normals, np.zeros(3000), bright)
     error = light.log_brightness(points, normals, np.zeros(3000)) - np.log(shine)
     assert np.abs(error).max() < 0.02
 
@@ -300,14 +300,14 @@ def test_slopes_of_the_light_are_its_differences():
     points, normals = bend(rng.uniform(0, 1, (60, 2)) * [WIDTH, HEIGHT])
     off_axis = rng.uniform(0, 1, 60)
     numbers = np.array([1.9, -0.4, 0.2, -0.2, -1.0, 0.3, 0.2, 0.1, -2.0])  # a low lamp: some points turn their back
-    found, slopes = Light(MIDDLE, 200.0, numbers).with_slopes(points, normals, off_axis)
+    found, slopes = LampModel(MIDDLE, 200.0, numbers).with_slopes(points, normals, off_axis)
     for k in range(9):
         step = 1e-6 * (np.arange(9) == k)
         above, below = (
-            Light(MIDDLE, 200.0, numbers + s).log_brightness(points, normals, off_axis) for s in (step, -step)
+            LampModel(MIDDLE, 200.0, numbers + s).log_brightness(points, normals, off_axis) for s in (step, -step)
         )
         np.testing.assert_allclose(slopes[:, k], (above - below) / 2e-6, atol=1e-7)
-    np.testing.assert_array_equal(found, Light(MIDDLE, 200.0, numbers).log_brightness(points, normals, off_axis))
+    np.testing.assert_array_equal(found, LampModel(MIDDLE, 200.0, numbers).log_brightness(points, normals, off_axis))
 
 
 def test_slope_of_the_robust_residual():

@@ -104,8 +104,8 @@ def test_text_that_runs_across_the_spine_is_not_cut_unasked():
     """A landscape letter folded in the middle has a valley like a book's, and lines across it."""
     _, mesh, page_xy = bent("spread")
     page = one_page_over_the_spine()
-    assert find_gutter(mesh, page_xy, page, certainly=False) is None
-    forced = find_gutter(mesh, page_xy, page, certainly=True)
+    assert find_gutter(mesh, page_xy, page, always=False) is None
+    forced = find_gutter(mesh, page_xy, page, always=True)
     assert forced.crossed
     assert forced.x_mm == pytest.approx(148, abs=4)
 
@@ -114,18 +114,18 @@ def test_one_line_across_is_enough():
     _, mesh, page_xy = bent("spread")
     pixels = np.full((1240, 1748, 3), 255, np.uint8)
     cv2.putText(pixels, "A heading across both pages", (500, 300), cv2.FONT_HERSHEY_DUPLEX, 1.4, (0, 0, 0), 3)
-    assert find_gutter(mesh, page_xy, page_of(pixels), certainly=False) is None
-    assert find_gutter(mesh, page_xy, page_of(np.full((1240, 1748, 3), 255)), certainly=False) is not None
+    assert find_gutter(mesh, page_xy, page_of(pixels), always=False) is None
+    assert find_gutter(mesh, page_xy, page_of(np.full((1240, 1748, 3), 255)), always=False) is not None
 
 
 def test_without_a_valley_the_gutter_of_the_print_is_cut_if_so_asked():
     _, mesh, page_xy = bent("flat", width_mm=296.0, height_mm=210.0)
     page = two_columns_across()
-    assert find_gutter(mesh, page_xy, page, certainly=False) is None
-    found = find_gutter(mesh, page_xy, page, certainly=True)
+    assert find_gutter(mesh, page_xy, page, always=False) is None
+    found = find_gutter(mesh, page_xy, page, always=True)
     assert (found.found_by, found.crossed) == ("gutter", False)
     assert found.x_mm == pytest.approx(148, abs=2)
-    blocked = find_gutter(mesh, page_xy, one_page_over_the_spine(), certainly=True)
+    blocked = find_gutter(mesh, page_xy, one_page_over_the_spine(), always=True)
     assert (blocked.found_by, blocked.crossed) == ("middle", True)
 
 
@@ -133,7 +133,7 @@ def test_the_cut_goes_beside_a_letter_that_touches_the_spine():
     _, mesh, page_xy = bent("spread")
     pixels = np.full((1240, 1748, 3), 255, np.uint8)
     pixels[200:1000:40, 866:880] = 0  # letters that reach 1 mm over the spine at column 874, from the left
-    found = find_gutter(mesh, page_xy, page_of(pixels), certainly=True)
+    found = find_gutter(mesh, page_xy, page_of(pixels), always=True)
     left, right = split_pages(page_of(pixels), found)
     assert 0 < found.x_mm - 148 < 2
     assert (np.asarray(right.pixels) == 255).all()

@@ -1,6 +1,7 @@
-"""How much memory there is, and a refusal of work that needs more.
+"""Free memory, and a refusal of work that needs more.
 
-A process that takes more than there is does not fail: it drags the machine down, or is killed without a word.
+A process that allocates more than there is does not fail: the machine starts to swap, or the process is killed
+without a message.
 """
 
 from __future__ import annotations
@@ -44,10 +45,10 @@ def check_memory(need: float, what: str, advice: str) -> None:
     """
     free = free_bytes()
     if need > free:
-        raise InputError(f"{what} needs about {_told(need)} of memory, and {_told(free)} are free; {advice}")
+        raise InputError(f"{what} needs about {_readable(need)} of memory, and {_readable(free)} are free; {advice}")
 
 
-def _told(count: float) -> str:
+def _readable(count: float) -> str:
     return f"{count / 1e9:.1f} GB" if count >= 1e9 else f"{count / 1e6:.1f} MB"
 
 

@@ -1,4 +1,4 @@
-"""Black and white: which pixels are ink."""
+"""Binarization: which pixels are ink."""
 
 from planish.binarize.threshold import binarize
 

@@ -1,4 +1,4 @@
-"""What is on a page: text lines and the way they run, two pages in a spread, ink, a sheet's outline in a photo."""
+"""Document analysis: orientation, skew, page split, ink, and the outline of a sheet in a photo."""
 
 from planish.document.orientation import SURE, detect_orientation, skew_angle
 from planish.document.page_split import find_gutter, gutter_of_surface, split_pages

@@ -12,7 +12,7 @@ from planish.color import to_grey
 from planish.dpi import MM_PER_INCH
 from planish.types import Page
 
-LOOK_DPI = 150.0
+WORKING_DPI = 150.0
 """Enough for letters of 6 points."""
 PAPER_MM = 5.0
 """Dark places wider than this are pictures or shade."""
@@ -36,14 +36,14 @@ class Ink:
     amount: NDArray[np.float32]
     px_per_mm: float
 
-    def turned(self) -> Ink:
-        """The same, a quarter turn clockwise."""
+    def rotated(self) -> Ink:
+        """The same, rotated a quarter turn clockwise."""
         return Ink(np.ascontiguousarray(np.rot90(self.amount, -1)), self.px_per_mm)
 
 
 def ink_of(page: Page) -> Ink:
     """Find the ink of the letters, at 150 dpi or the page's own resolution where that is less."""
-    scale = min(1.0, LOOK_DPI / page.dpi)
+    scale = min(1.0, WORKING_DPI / page.dpi)
     mm = scale * page.dpi / MM_PER_INCH
     grey, known = to_grey(page.pixels), np.ascontiguousarray(page.known, np.uint8)
     if scale < 1:

@@ -1,7 +1,7 @@
-"""Which way up a page is and how straight its text runs, read from the print itself.
+"""Orientation and skew of a page, from its print.
 
-Any script of separate lines has a skew. Which way is up is told by the Latin alphabet and its like (Greek, Cyrillic):
-more of its letters rise above the small ones than hang below them (Bloomberg, Kopec and Dasari 1995).
+Any script of separate lines has a skew. Which way is up shows in the Latin, Greek and Cyrillic alphabets: they have
+more ascenders than descenders (Bloomberg, Kopec and Dasari 1995).
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from planish.types import Floats, Page
 
 STRIP_MM = 4.0
 """Width of the strips of page whose ink is summed before it is sheared; at 7 degrees they bend by half a millimetre."""
-MOST_SKEW = 7.0
+MAX_SKEW = 7.0
 PAGE_MM = 150.0
 """Wider sheets are looked at in parts of about this width: on a spread the lines left and right do not go on in each
 other, and the angle at which they happen to meet would count."""
@@ -28,7 +28,7 @@ EVEN_SHIFT = 0.2113
 the level page too, which would look sharper than all others if it were not blurred at all."""
 TEXT_LINES = 0.7
 """Confidence of a skew above which there are lines: pages of print reach 0.75 to 0.98, seen sideways 0.3 to 0.7."""
-LEAST_PLACES = 20.0
+MIN_ROWS = 20.0
 """Rows that must share the abrupt changes of the profile: five lines of text have 20, a page of print 60 and more; the
 shade along a spine or a fold has 8."""
 SURE = 0.5
@@ -37,16 +37,15 @@ COLUMN_MM = 20.0
 """Lines are looked at in pieces of this length: short enough for narrow columns, long enough for a few words."""
 SMALL_LETTERS_MM = (0.7, 8.0)
 """Least and greatest height of the letters without ascenders that are looked at."""
-TOO_LITTLE = 0.008
+PUNCTUATION = 0.008
 """How much more ink above than below, as a part of that in the small letters, says nothing: punctuation gives it too.
 Print in mixed case has 0.02 to 0.1."""
 
 
 def skew_angle(page: Page) -> tuple[float, float]:
-    """Measure how far the lines of text run down to the right.
+    """Skew of the lines of text: how far they run down to the right.
 
-    Of all angles the one counts at which the ink summed along the lines changes most abruptly from line to gap: the
-    greatest sum of squared differences of the profile (Postl 1986).
+    The angle whose projection profile has the greatest sum of squared differences (Postl 1986).
 
     Parameters
     ----------
@@ -69,21 +68,21 @@ def skew_angle(page: Page) -> tuple[float, float]:
     >>> round(degrees, 1), confidence > 0.7
     (1.5, True)
     """
-    found = _lines_along(ink_of(page))
-    return (found.degrees, found.confidence) if found.confidence >= TEXT_LINES else (0.0, found.confidence)
+    lines = _lines_along(ink_of(page))
+    return (lines.degrees, lines.confidence) if lines.confidence >= TEXT_LINES else (0.0, lines.confidence)
 
 
-def detect_orientation(page: Page, told: float = 0.0) -> tuple[int, float]:
-    """Tell by how much a page must be turned clockwise to stand upright.
+def detect_orientation(page: Page, prior: float = 0.0) -> tuple[int, float]:
+    """Clockwise rotation that puts a page upright.
 
-    Lines of text give two of the four ways round. Of these two that is upright in which more ink rises above the
-    small letters than hangs below them.
+    Lines of text leave two of the four ways round. Of these the one with more ink in ascenders than in descenders is
+    upright.
 
     Parameters
     ----------
     page : Page
-    told : float
-        What is known from elsewhere: how sure it is, in standard deviations, that a page of level lines stands upright.
+    prior : float
+        How sure it is from elsewhere, in standard deviations, that a page of level lines stands upright.
 
     Returns
     -------
@@ -103,13 +102,13 @@ def detect_orientation(page: Page, told: float = 0.0) -> tuple[int, float]:
     90
     """
     ink = ink_of(page)
-    level, upright = _lines_along(ink), _lines_along(ink.turned())
+    level, upright = _lines_along(ink), _lines_along(ink.rotated())
     lying = upright.contrast > level.contrast
     lines, other = (upright, level) if lying else (level, upright)
     if lines.confidence < TEXT_LINES:
         return 0, 0.0
     sure_lines = 1 - other.contrast / lines.contrast
-    rise = _ascender_score(lines) + (0.0 if lying else told)
+    rise = _ascender_score(lines) + (0.0 if lying else prior)
     confidence = sure_lines * erf(abs(rise) / sqrt(2))
     if lying:
         return (90 if rise >= 0 else 270) if sure_lines > SURE else 0, confidence
@@ -131,7 +130,7 @@ class _Lines:
 def _lines_along(ink: Ink) -> _Lines:
     """Look for lines that run from left to right."""
     strips, middles = _strips(ink)
-    angles = np.arange(-MOST_SKEW, MOST_SKEW + 0.1, 0.2)
+    angles = np.arange(-MAX_SKEW, MAX_SKEW + 0.1, 0.2)
     sums = np.array([_steepness(strips, middles, a) for a in angles])
     usual, most = float(np.median(sums)), float(sums.max())
     if most <= 0:
@@ -142,7 +141,7 @@ def _lines_along(ink: Ink) -> _Lines:
     bend, slope, _ = np.polyfit(fine[top], near[top] / most, 2)
     degrees = -slope / (2 * bend) if bend < 0 else fine[near.argmax()]
     degrees = float(np.clip(degrees, fine[0], fine[-1]))
-    many = min(1.0, _places(strips, middles, degrees) / LEAST_PLACES)
+    many = min(1.0, _effective_rows(strips, middles, degrees) / MIN_ROWS)
     return _Lines(strips, middles, ink.px_per_mm, degrees, most - usual, many * (1 - usual / most))
 
 
@@ -164,7 +163,7 @@ def _steepness(strips: NDArray[np.float32], middles: Floats, degrees: float) -> 
     return float(sum((np.diff(_profile(*part)) ** 2).sum() for part in parts))
 
 
-def _places(strips: NDArray[np.float32], middles: Floats, degrees: float) -> float:
+def _effective_rows(strips: NDArray[np.float32], middles: Floats, degrees: float) -> float:
     """Over how many rows the abrupt changes are spread: (sum of squares)^2 / sum of fourth powers."""
     change = np.diff(_profile(strips, middles * np.tan(np.radians(degrees)) + EVEN_SHIFT)).astype(np.float64) ** 2
     return float(change.sum() ** 2 / max((change**2).sum(), 1e-30))
@@ -184,23 +183,23 @@ def _profile(strips, down):  # type: ignore[no-untyped-def]
 
 
 def _ascender_score(lines: _Lines) -> float:
-    """How much more ink is above the small letters than below, in standard deviations."""
+    """How much more ink is in ascenders than in descenders, in standard deviations."""
     per_column = max(1, round(COLUMN_MM / STRIP_MM))
     count = max(1, round(len(lines.strips) / per_column))
     down = lines.middles * np.tan(np.radians(lines.degrees))
     pieces = [
-        _above_less_below(_profile(strips, shift), lines.px_per_mm)
+        _ascenders_less_descenders(_profile(strips, shift), lines.px_per_mm)
         for strips, shift in zip(np.array_split(lines.strips, count), np.array_split(down, count), strict=True)
     ]
     votes = np.concatenate(pieces)
     if len(votes) < 3:
         return 0.0
-    # Pieces of one line are kin: they count for half. What punctuation alone can do is added to the doubt.
-    doubt = np.hypot(votes.std() / sqrt(len(votes) / 2), TOO_LITTLE)
-    return float(votes.mean() / doubt)
+    # Pieces of one line are correlated: they count for half. The effect of punctuation is added to the uncertainty.
+    sigma = np.hypot(votes.std() / sqrt(len(votes) / 2), PUNCTUATION)
+    return float(votes.mean() / sigma)
 
 
-def _above_less_below(profile: NDArray[np.float32], px_per_mm: float) -> Floats:
+def _ascenders_less_descenders(profile: NDArray[np.float32], px_per_mm: float) -> Floats:
     """For every line of a column: ink just above its small letters less that just below, as a part of theirs."""
     near = max(3, round(3 * px_per_mm)) | 1
     most = cv2.dilate(profile[:, None], np.ones((near, 1), np.uint8)).ravel()

@@ -1,7 +1,7 @@
-"""The spine of an open book: where the sheet is two pages, and the cut between them.
+"""Page split: the gutter of an open book, and the cut along it.
 
-The surface tells: along the spine paper dips into one straight, sharp valley from head to foot, in the middle of the
-sheet. Print tells whether that is a gutter: no line of text runs across it.
+In the surface the gutter is one straight, sharp valley from head to foot, in the middle of the sheet; in print, an
+upright gap that no line of text crosses.
 """
 
 from __future__ import annotations
@@ -16,21 +16,21 @@ from planish.dpi import mm_to_px, px_to_mm
 from planish.types import Floats, Mesh, Page, Spine
 
 BAND_MM = 10.0
-"""The valley is looked at in bands of this height, which must agree."""
+"""Height of the bands in which the valley is measured, and which must agree."""
 CELL_MM = 1.0
 STRIP_MM = 8.0
 """How wide the paper beside the valley is whose slope is taken: narrower than a leaf's first rise of some 25 mm."""
 MIDDLE = (0.35, 0.65)
 """Where a spine may be, in parts of the width: pages are as wide as each other, up to what the scan cut off."""
-LEAST_TURN = 20.0
+MIN_TURN_DEG = 20.0
 """Degrees by which the paper's normal turns at a spine: waves of damp paper reach 13, thick books 100."""
-AGREED = 0.8
+MIN_AGREEMENT = 0.8
 """Part of the bands that must show at least half of that turn."""
-ASTRAY_MM = 1.5
+MAX_STRAY_MM = 1.5
 """Typical distance of the bands' valleys from one straight line."""
-SHARP = 0.5
+MAX_ASIDE = 0.5
 """Part of its turn that a valley may still have a strip and a half aside: a spine is sharp, a wave is not."""
-ALONE = 0.6
+MAX_ELSEWHERE = 0.6
 """Part of its turn that valleys and ridges elsewhere may have: folds and waves come in numbers."""
 PAGE_RATIO = (0.45, 1.1)
 """Width by height of a book's page; other halves are not taken for pages unasked."""
@@ -40,12 +40,12 @@ DARK = 0.3
 """Ink that is a letter's: faint shade along the spine has less."""
 LETTER_MM = 1.0
 """Ink that is shorter than this along the spine is a shadow's or a speck's."""
-CROSSED = 0.005
+MAX_CROSSED = 0.005
 """Part of the page's height at which print may stand so; one line of text has 0.01."""
 
 
 def gutter_of_surface(mesh: Mesh, page_xy: Floats, size_mm: tuple[float, float]) -> Spine | None:
-    """Look for the straight, sharp valley of a book's spine that runs down the middle of a flattened sheet.
+    """Find the gutter as a straight, sharp valley down the middle of a flattened sheet.
 
     The normals of the paper left and right of every upright line are compared, band by band; a sum of the faces'
     area vectors has little noise, since it depends on the strip's border alone.
@@ -86,19 +86,19 @@ def gutter_of_surface(mesh: Mesh, page_xy: Floats, size_mm: tuple[float, float])
     x_mm = float(np.median(places))
     elsewhere = np.abs(np.concatenate([usual[: at - aside], usual[at + aside + 1 :]]))
     plain = (
-        usual[at] >= LEAST_TURN
-        and np.mean(turns[:, at] >= LEAST_TURN / 2) >= AGREED
-        and np.median(np.abs(places - x_mm)) <= max(ASTRAY_MM, cell)
-        and max(usual[at - aside], usual[at + aside]) <= SHARP * usual[at]
-        and elsewhere.max(initial=0.0) <= ALONE * usual[at]
+        usual[at] >= MIN_TURN_DEG
+        and np.mean(turns[:, at] >= MIN_TURN_DEG / 2) >= MIN_AGREEMENT
+        and np.median(np.abs(places - x_mm)) <= max(MAX_STRAY_MM, cell)
+        and max(usual[at - aside], usual[at + aside]) <= MAX_ASIDE * usual[at]
+        and elsewhere.max(initial=0.0) <= MAX_ELSEWHERE * usual[at]
         and MIDDLE[0] <= x_mm / width <= MIDDLE[1]
         and all(PAGE_RATIO[0] <= part / height <= PAGE_RATIO[1] for part in (x_mm, width - x_mm))
     )
     return Spine(x_mm, float(usual[at]), "surface") if plain else None
 
 
-def find_gutter(mesh: Mesh, page_xy: Floats, page: Page, *, certainly: bool) -> Spine | None:
-    """Find the spine of a drawn sheet, where it is two pages of a book.
+def find_gutter(mesh: Mesh, page_xy: Floats, page: Page, *, always: bool) -> Spine | None:
+    """Find the gutter of a rendered sheet, where it is two pages of a book.
 
     Parameters
     ----------
@@ -108,9 +108,9 @@ def find_gutter(mesh: Mesh, page_xy: Floats, page: Page, *, certainly: bool) -> 
         Its points on the page.
     page : Page
         The sheet as drawn, upright.
-    certainly : bool
-        It is two pages: then its widest gutter, or else its middle, stands in for a spine that the surface does not
-        show, and print that crosses the spine changes nothing.
+    always : bool
+        The sheet is known to be two pages: if the surface shows no gutter, the widest gap in the print is taken, or
+        else the middle, and print that crosses it changes nothing.
 
     Returns
     -------
@@ -118,16 +118,16 @@ def find_gutter(mesh: Mesh, page_xy: Floats, page: Page, *, certainly: bool) -> 
         Moved by a little where letters touch it, so that a cut along it goes through none if that can be.
     """
     width, height = (px_to_mm(n, page.dpi) for n in page.known.shape[::-1])
-    found = gutter_of_surface(mesh, page_xy, (width, height))
-    if found is None and not certainly:
+    gutter = gutter_of_surface(mesh, page_xy, (width, height))
+    if gutter is None and not always:
         return None
     ink = ink_of(page)
-    if found is None:
-        found = _by_print(ink, width)
-    crossed = _text_crosses(ink, found.x_mm)
-    if crossed and not certainly:
+    if gutter is None:
+        gutter = _by_print(ink, width)
+    crossed = _text_crosses(ink, gutter.x_mm)
+    if crossed and not always:
         return None
-    return replace(found, x_mm=_beside_letters(ink, found.x_mm), crossed=crossed)
+    return replace(gutter, x_mm=_beside_letters(ink, gutter.x_mm), crossed=crossed)
 
 
 def _text_crosses(ink: Ink, x_mm: float) -> bool:
@@ -135,13 +135,13 @@ def _text_crosses(ink: Ink, x_mm: float) -> bool:
     near, far = 0.2 * GUTTER_MM, GUTTER_MM
     sides = [(x_mm - far, x_mm - near), (x_mm + near, x_mm + far)]
     left, right = ((_columns(ink, *side) > DARK).any(axis=1) for side in sides)
-    return bool((left & right).mean() > CROSSED)
+    return bool((left & right).mean() > MAX_CROSSED)
 
 
 def _by_print(ink: Ink, width_mm: float) -> Spine:
     """The middle of the widest upright gap in the print around the middle of the sheet, or that middle itself."""
     first, last = (share * width_mm for share in MIDDLE)
-    free = (_columns(ink, first, last) > DARK).mean(axis=0) < CROSSED
+    free = (_columns(ink, first, last) > DARK).mean(axis=0) < MAX_CROSSED
     ends = np.flatnonzero(np.diff(np.concatenate([[False], free, [False]]).astype(np.int8)))
     if not len(ends):
         return Spine(width_mm / 2, 0.0, "middle")

@@ -1,4 +1,4 @@
-"""Which part of a photo shows the sheet: bright paper on darker ground."""
+"""The outline of the sheet in a photo: bright paper on darker ground."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from planish.color import to_uint8
 from planish.errors import InputError
 from planish.types import Bools, Pixels
 
-LOOK_PX = 800
+WORKING_PX = 800
 """Long side of the small picture on which the sheet is sought."""
 
 CLOSING = 0.03
 """Print up to this part of the picture's side is closed over before paper is told from ground."""
 
-CONTRAST = 1.5
+MIN_CONTRAST = 1.5
 """Paper must be so many times as bright, as code values, as what lies around it."""
 
-SHARE = (0.02, 0.97)
+AREA_SHARE = (0.02, 0.97)
 """Of the photo, that a sheet may fill; one that fills more shows no ground around it."""
 
 
 def sheet_mask(photo: Pixels, mask: Bools | str | None) -> tuple[Bools | None, list[str]]:
-    """Where on a photo the sheet is, as a user asked for it, and what is to be said of it.
+    """The mask of the sheet that a user asked for, and warnings.
 
     Parameters
     ----------
@@ -40,9 +40,9 @@ def sheet_mask(photo: Pixels, mask: Bools | str | None) -> tuple[Bools | None, l
     if mask is None:
         return None, []
     if isinstance(mask, str):
-        found = find_sheet(photo)
-        said = "no sheet stands out from its ground on the photo, so all that was seen was kept"
-        return found, [said] if found is None else []
+        detected = find_sheet(photo)
+        warning = "no sheet stands out from its ground on the photo, so all that was seen was kept"
+        return detected, [warning] if detected is None else []
     if mask.shape != photo.shape[:2]:
         raise InputError(
             f"the mask is {mask.shape[1]} x {mask.shape[0]} pixels, the photo {photo.shape[1]} x {photo.shape[0]}; "
@@ -79,14 +79,14 @@ def find_sheet(photo: Pixels) -> Bools | None:
     """
     rows, cols = photo.shape[:2]
     eight = to_uint8(photo)
-    scale = min(1.0, LOOK_PX / max(rows, cols))
+    scale = min(1.0, WORKING_PX / max(rows, cols))
     small = cv2.resize(eight, (max(2, round(cols * scale)), max(2, round(rows * scale))), interpolation=cv2.INTER_AREA)
     bright = _without_print(small.max(axis=2))
     above, _ = cv2.threshold(_log_levels(bright), 0, 255, cv2.THRESH_BINARY | cv2.THRESH_OTSU)
     inside = _largest(_log_levels(bright) > above)
-    if not SHARE[0] <= inside.mean() <= SHARE[1]:
+    if not AREA_SHARE[0] <= inside.mean() <= AREA_SHARE[1]:
         return None
-    if np.median(bright[inside]) < CONTRAST * max(float(np.median(bright[~inside])), 1.0):
+    if np.median(bright[inside]) < MIN_CONTRAST * max(float(np.median(bright[~inside])), 1.0):
         return None
     whole = cv2.resize(inside.astype(np.uint8) * 255, (cols, rows), interpolation=cv2.INTER_LINEAR)
     border = 1 + 2 * int(np.ceil(0.5 / scale))  # half a small pixel is how far the outline may be off

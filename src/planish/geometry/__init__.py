@@ -1,4 +1,4 @@
-"""Cameras, rays and small vectors: the geometry that knows no sheet."""
+"""Cameras, rays, rigid fits and small vectors: geometry that knows nothing of sheets."""
 
 from planish.geometry.projection import depths, project
 

@@ -1,4 +1,4 @@
-"""A camera found again from where the points of a sheet lie on the photo."""
+"""Camera resection: the camera found from points and their places on the photo."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ import numpy as np
 
 from planish.types import Floats
 
-ENOUGH_POINTS = 4000
-"""Of a scan's points, to find its camera from."""
-GOOD_FIT = 0.005
-"""Rms misfit, in parts of the photo's diagonal, up to which photo places are taken to come from one camera."""
+SAMPLE = 4000
+"""Points of a scan that are used."""
+MAX_MISFIT = 0.005
+"""Rms reprojection error, in parts of the extent of the photo places, up to which one camera explains them."""
 
 
 def resect(points: Floats, photo_xy: Floats) -> Floats | None:
@@ -29,7 +29,7 @@ def resect(points: Floats, photo_xy: Floats) -> Floats | None:
         Scaled so that the third row gives positive numbers in proportion to depth. None where no camera sees the
         points so, as in an atlas of texture patches. Of points in one plane one of many fitting cameras is returned.
     """
-    some = slice(None, None, max(1, len(points) // ENOUGH_POINTS))
+    some = slice(None, None, max(1, len(points) // SAMPLE))
     space, to_space = _normalised(points[some])
     image, to_image = _normalised(photo_xy[some])
     if len(space) < 6:
@@ -45,7 +45,7 @@ def resect(points: Floats, photo_xy: Floats) -> Floats | None:
         return None
     seen = points[some] @ camera[:2, :3].T + camera[:2, 3]
     misfit = seen / depth[some, None] - photo_xy[some]
-    good = np.sqrt((misfit**2).sum(axis=1).mean()) < GOOD_FIT * np.linalg.norm(np.ptp(photo_xy[some], axis=0))
+    good = np.sqrt((misfit**2).sum(axis=1).mean()) < MAX_MISFIT * np.linalg.norm(np.ptp(photo_xy[some], axis=0))
     return camera if good else None
 
 

@@ -1,6 +1,6 @@
-"""Where the ray through a pixel meets what is known of the scene: a plane of light.
+"""Rays through pixels, and where they meet a plane of light.
 
-A projector is a camera that light leaves: both are `Camera`s, and their pixels have rays alike.
+A projector is a camera in reverse: both are `Camera`s, and their pixels have rays alike.
 """
 
 from __future__ import annotations
@@ -12,14 +12,14 @@ from numba import njit
 from planish.parallel import thread_pool
 from planish.types import Camera, Floats
 
-CLOSE_PX = 1e-8
-"""So close to its pixel a ray must fall when it is distorted again."""
+TOLERANCE_PX = 1e-8
+"""Reprojection error at which the undistortion of a ray has converged."""
 
-MOST_CORRECTIONS = 20
-"""Two are enough for a usual lens. Where the distortion folds over, far outside of the photo, none are."""
+MAX_CORRECTIONS = 20
+"""Two are enough for a usual lens; where the distortion folds over, far outside of the photo, none converges."""
 
-MOST_ROUNDS = 60
-"""Each brings a usual lens ten times closer."""
+MAX_ITERATIONS = 60
+"""Each reduces the error of a usual lens tenfold."""
 
 
 def rays(camera: Camera, xy: Floats) -> tuple[Floats, Floats]:
@@ -30,7 +30,7 @@ def rays(camera: Camera, xy: Floats) -> tuple[Floats, Floats]:
     camera : Camera
         Or a projector.
     xy : (k, 2) float64 [px]
-        x right, y down, pixel centres at integers; lens distortion is taken off. Rows with NaN give NaN.
+        x right, y down, pixel centres at integers; lens distortion is removed. Rows with NaN give NaN.
 
     Returns
     -------
@@ -47,12 +47,12 @@ def rays(camera: Camera, xy: Floats) -> tuple[Floats, Floats]:
     ([[0.0, 0.0, 1.0], [0.707, 0.0, 0.707]], [0.0, 0.0, -100.0])
     """
     xy = np.ascontiguousarray(xy, np.float64).reshape(-1, 2)
-    seen = np.column_stack([_without_lens(camera, xy), np.ones(len(xy))])
+    seen = np.column_stack([_undistorted(camera, xy), np.ones(len(xy))])
     seen /= np.linalg.norm(seen, axis=1, keepdims=True)
     return seen @ camera.rotation, -camera.rotation.T @ np.ravel(camera.translation)
 
 
-def _without_lens(camera: Camera, xy: Floats) -> Floats:
+def _undistorted(camera: Camera, xy: Floats) -> Floats:
     """Places in the plane at distance 1 before the camera, (k, 2)."""
     m = camera.matrix
     y = (xy[:, 1] - m[1, 2]) / m[1, 1]
@@ -64,13 +64,13 @@ def _without_lens(camera: Camera, xy: Floats) -> Floats:
         lens = np.zeros(5)
         lens[: min(5, len(camera.distortion))] = camera.distortion[:5]
         with thread_pool() as parallel_for:
-            parallel_for(_take_lens_off, len(flat), lens, CLOSE_PX / m[0, 0], flat)
+            parallel_for(_undistort, len(flat), lens, TOLERANCE_PX / m[0, 0], flat)
         return flat
     target = xy[known]
     place = np.asarray(cv2.undistortPoints(target[:, None], m, camera.distortion), np.float64).reshape(-1, 2)
-    for _ in range(MOST_CORRECTIONS):  # OpenCV stops early in some versions; this ends where its projection agrees
+    for _ in range(MAX_CORRECTIONS):  # OpenCV stops early in some versions; this ends where its projection agrees
         miss = target - _distorted(camera, place)
-        if np.abs(miss).max() < CLOSE_PX:
+        if np.abs(miss).max() < TOLERANCE_PX:
             break
         place += miss / [m[0, 0], m[1, 1]]
     flat[known] = place
@@ -78,13 +78,13 @@ def _without_lens(camera: Camera, xy: Floats) -> Floats:
 
 
 @njit(cache=True, nogil=True)
-def _take_lens_off(first, last, lens, close, place):  # type: ignore[no-untyped-def]
+def _undistort(first, last, lens, close, place):  # type: ignore[no-untyped-def]
     """Solve x_d = x radial + tangential for x, in place: x <- (x_d - tangential) / radial until it stays."""
     k1, k2, p1, p2, k3 = lens
     for i in range(first, last):
         x_d, y_d = place[i, 0], place[i, 1]
         x, y = x_d, y_d
-        for _ in range(MOST_ROUNDS):
+        for _ in range(MAX_ITERATIONS):
             r2 = x * x + y * y
             radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
             x_new = (x_d - 2.0 * p1 * x * y - p2 * (r2 + 2.0 * x * x)) / radial

@@ -1,4 +1,4 @@
-"""Three numbers as a tuple: what lets kernels read like formulas. Compiled into their callers, at no cost."""
+"""Vectors as tuples of three floats, so that kernels read like formulas; inlined into their callers at no cost."""
 
 from __future__ import annotations
 

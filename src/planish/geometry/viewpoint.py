@@ -1,4 +1,4 @@
-"""Where a range scanner stood, told from where its points lie on the photo."""
+"""The viewpoint of a range scanner, found from the places of its points on the photo."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ import numpy as np
 from planish.geometry.resection import resect
 from planish.types import Floats, Ints, Mesh
 
-SHARP = 0.02
+MAX_MISFIT_PX = 0.02
 """Misfit, in pixels of the scanner, up to which points lie on the rays of its pixels. Scans along the rays read 0.0002
 with any noise, errors across the rays show at once: 0.05 mm at 0.4 mm a pixel read 0.12."""
 
 SAMPLE = 20_000
-"""Points, and edges, that are looked at."""
+"""Points, and edges, that are examined."""
 
-REGULAR = 0.95
+MIN_REGULAR = 0.95
 """Part of the edges that must lead from a pixel to one beside it: borders and mended holes may do otherwise."""
 
 
 def viewpoint(mesh: Mesh, photo_xy: Floats | None, edges: Ints) -> Floats | None:
-    """(3,) place [mm] that the scanner's rays come from, or None where it is not plain that they do.
+    """(3,) centre of projection [mm] of the scanner's rays, or None where the points do not show one.
 
     A range image has one point for each pixel, so that its points lie on the photo in straight rows and columns, and
     one camera sees all of them exactly where they are, whatever the noise: errors are along the rays. A mesh that was
@@ -40,7 +40,7 @@ def viewpoint(mesh: Mesh, photo_xy: Floats | None, edges: Ints) -> Floats | None
     if not pixel > 0:
         return None
     in_pixels = step / pixel
-    if (np.abs(in_pixels - np.rint(in_pixels)).max(axis=1) < SHARP).mean() < REGULAR:
+    if (np.abs(in_pixels - np.rint(in_pixels)).max(axis=1) < MAX_MISFIT_PX).mean() < MIN_REGULAR:
         return None
     every = len(photo_xy) // SAMPLE + 1
     points, photo_xy = mesh.points[::every], photo_xy[::every]
@@ -49,6 +49,6 @@ def viewpoint(mesh: Mesh, photo_xy: Floats | None, edges: Ints) -> Floats | None
         return None
     seen = points @ camera[:, :3].T + camera[:, 3]
     misfit = seen[:, :2] / seen[:, 2:] - photo_xy
-    if not np.sqrt((misfit**2).sum(axis=1).mean()) < SHARP * pixel:
+    if not np.sqrt((misfit**2).sum(axis=1).mean()) < MAX_MISFIT_PX * pixel:
         return None
     return np.asarray(-np.linalg.solve(camera[:, :3], camera[:, 3]))

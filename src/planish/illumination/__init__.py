@@ -1,4 +1,4 @@
-"""Shade taken off the page: the light found from the sheet's shape and divided out."""
+"""Illumination: the light on the sheet, estimated from its shape and divided out."""
 
 from planish.illumination.remove_shading import EvenlyLit, ShadingFit, remove_shading
 

@@ -1,4 +1,4 @@
-"""The page in cells of half a millimetre: how bright paper would be there, and what else is known of each."""
+"""Statistics of a page in cells of half a millimetre: brightness of the paper, share of print, clipping."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ Field = NDArray[Any]
 CELL_MM = 0.5
 BAND = 0.07
 """Pixels whose light differs by less than so much of it from the cell's bright ones are of the same paper."""
-AT_MOST = 64
-"""Pixels of a cell that are looked at."""
+MAX_SAMPLES = 64
+"""Pixels of a cell that are sampled."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +76,7 @@ def cell_statistics(page: Page) -> Cells:
     light = np.zeros((rows, cols, 3), np.float32)
     darker, share, clipped = np.zeros((3, rows, cols), np.float32)
     known = np.zeros((rows, cols), bool)
-    step = max(1, int(np.ceil(side / AT_MOST**0.5)))
+    step = max(1, int(np.ceil(side / MAX_SAMPLES**0.5)))
     linear = linear_light(np.iinfo(pixels.dtype).max + 1)
     with thread_pool() as parallel_for:
         parallel_for(
@@ -91,7 +91,7 @@ def _measure(  # type: ignore[no-untyped-def]
 ):
     last, top = pixels.shape[2] - 1, len(linear) - 1
     for i in range(begin, end):
-        found, sorted_ = np.empty((AT_MOST, 4), np.float32), np.empty(AT_MOST, np.float32)
+        found, sorted_ = np.empty((MAX_SAMPLES, 4), np.float32), np.empty(MAX_SAMPLES, np.float32)
         for j in range(light.shape[1]):
             n, seen, full = 0, 0, 0
             for r in range(i * side, min((i + 1) * side, pixels.shape[0]), step):

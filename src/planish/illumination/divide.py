@@ -1,4 +1,4 @@
-"""Light divided out of a page, its paper made white and its ink black."""
+"""Divide a page by its illumination; paper becomes white, ink black."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def divide_illumination(page: Page, gain: Field, side: int) -> tuple[Pixels, Boo
     gain = gain if source.ndim == 3 else (gain @ LUMINANCE)[..., None]
     light = linear_light(np.iinfo(source.dtype).max + 1)
     black = _black(source.reshape(flat), page.known, gain, side, light, page.dpi)
-    tone = _toned(np.linspace(0, 1, 65536), black)
+    tone = _tone_curve(np.linspace(0, 1, 65536), black)
     codes = code_values(source.dtype)[np.rint(65535 * tone).astype(int)]
     gain = np.ascontiguousarray(gain)
     with thread_pool() as parallel_for:
@@ -99,7 +99,7 @@ def _spots(begin, end, source, known, gain, side, light, spot, grey):  # type: i
                 grey[i, j] = total / (spot * spot)
 
 
-def _toned(light: Floats, black: float) -> Floats:
+def _tone_curve(light: Floats, black: float) -> Floats:
     """Stretch from black ink up, and from KNEE on so that WHITE becomes 1."""
     light = np.maximum(light - black, 0) / (1 - black)
     return np.minimum(np.where(light < KNEE, light, KNEE + (light - KNEE) * (1 - KNEE) / (WHITE - KNEE)), 1)

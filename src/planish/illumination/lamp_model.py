@@ -1,4 +1,4 @@
-"""The light on the sheet, found from how bright its paper is and how it is turned."""
+"""Lamp model: a near lamp, ambient light and vignetting, fitted to the brightness of the paper and its normals."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from scipy.optimize import least_squares
 from planish.parallel import thread_pool
 from planish.types import Bools, Floats
 
-ENOUGH_CELLS = 3000
+MAX_CELLS = 3000
 DARKER = (0.4, 0.15, 0.05, 0.03)
 """How far below the paper's brightness [log] a cell counts as something printed on it, from the first round on."""
 BRIGHTER = 0.1
@@ -21,11 +21,11 @@ BRIGHTER = 0.1
 
 
 @dataclass(frozen=True, eq=False)
-class Light:
-    """A lamp, light from all around, and a lens that darkens towards its rim.
+class LampModel:
+    """A near point light, directional ambient light and the vignetting of the lens.
 
-    Paper with normal n at x shines with exp(paper) V (ambient (1 + sky . n) + (1 - ambient) max(n . l, 0) (d0 / d)^2),
-    where l points from x to the lamp, d is its distance, d0 that from the sheet's middle, and V = (1 + fall rho^2)^-2
+    Paper with normal n at x shines with exp(paper) V (ambient (1 + a . n) + (1 - ambient) max(n . l, 0) (d0 / d)^2),
+    where l points from x to the lamp, d is its distance, d0 that from the sheet's middle, and V = (1 + v rho^2)^-2
     with rho the distance from the photo's middle.
 
     Attributes
@@ -33,41 +33,43 @@ class Light:
     middle : (3,) float64 [mm]
     size : float [mm]
         Of the sheet.
-    numbers : (9,) float64
-        Lamp's place (3, from the middle, in sizes), logarithm of the paper's brightness, ambient share before the
-        logistic function, sky (3), logarithm of fall.
+    parameters : (9,) float64
+        Place of the lamp (3, from the middle, in units of `size`), logarithm of the paper's brightness, logit of the
+        ambient share, ambient direction a (3), logarithm of the vignetting v.
     """
 
     middle: Floats
     size: float
-    numbers: Floats
+    parameters: Floats
 
     @property
     def lamp(self) -> Floats:
         """Place of the lamp: (3,) [mm]; very far for light from one direction."""
-        return np.asarray(self.middle + self.size * self.numbers[:3])
+        return np.asarray(self.middle + self.size * self.parameters[:3])
 
     @property
     def ambient(self) -> float:
         """Share of the light on the sheet's middle that comes from all around."""
-        return float(1 / (1 + np.exp(-self.numbers[4])))
+        return float(1 / (1 + np.exp(-self.parameters[4])))
 
-    def log_brightness(self, points: Floats, normals: Floats, off_axis: Floats, lit: Floats | float = 1.0) -> Floats:
+    def log_brightness(
+        self, points: Floats, normals: Floats, off_axis: Floats, visibility: Floats | float = 1.0
+    ) -> Floats:
         """Natural logarithm of the brightness that paper has at (..., 3) points that see a share of the lamp."""
-        return self._evaluated(points, normals, off_axis, lit, slopes=False)[0]
+        return self._evaluated(points, normals, off_axis, visibility, slopes=False)[0]
 
     def with_slopes(self, points: Floats, normals: Floats, off_axis: Floats) -> tuple[Floats, Floats]:
-        """The same for (k, 3) points in full light, and its derivatives by `numbers`: (k, 9)."""
+        """The same for (k, 3) points in full light, and its derivatives by `parameters`: (k, 9)."""
         return self._evaluated(points, normals, off_axis, 1.0, slopes=True)
 
     def _evaluated(
-        self, points: Floats, normals: Floats, off_axis: Floats, lit: Floats | float, *, slopes: bool
+        self, points: Floats, normals: Floats, off_axis: Floats, visibility: Floats | float, *, slopes: bool
     ) -> tuple[Floats, Floats]:
         shape = points.shape[:-1]
         flat = np.ascontiguousarray(points.reshape(-1, 3)), np.ascontiguousarray(normals.reshape(-1, 3))
-        scalars = (np.broadcast_to(value, shape).ravel() for value in (off_axis, lit))
-        log, by = np.empty(flat[0].shape[0]), np.empty((flat[0].shape[0] if slopes else 0, len(self.numbers)))
-        work = (*flat, *scalars, self.middle, self.size, self.numbers, log, by)
+        scalars = (np.broadcast_to(value, shape).ravel() for value in (off_axis, visibility))
+        log, by = np.empty(flat[0].shape[0]), np.empty((flat[0].shape[0] if slopes else 0, len(self.parameters)))
+        work = (*flat, *scalars, self.middle, self.size, self.parameters, log, by)
         with thread_pool() as parallel_for:
             parallel_for(_log_brightness, len(log), *work)
         return log.reshape(shape), by
@@ -75,11 +77,11 @@ class Light:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _log_brightness(  # type: ignore[no-untyped-def]
-    first, last, points, normals, off_axis, lit, middle, size, numbers, log, slopes
+    first, last, points, normals, off_axis, visibility, middle, size, parameters, log, slopes
 ):
-    """Formula of `Light` at each point; where `slopes` has rows, its derivatives by the numbers too."""
-    ambient, fall = 1 / (1 + math.exp(-numbers[4])), math.exp(numbers[8])
-    lamp = size * numbers[0], size * numbers[1], size * numbers[2]
+    """Formula of `LampModel` at each point; where `slopes` has rows, its derivatives by the parameters too."""
+    ambient, vignetting = 1 / (1 + math.exp(-parameters[4])), math.exp(parameters[8])
+    lamp = size * parameters[0], size * parameters[1], size * parameters[2]
     high = lamp[0] ** 2 + lamp[1] ** 2 + lamp[2] ** 2  # d0^2
     for i in range(first, last):
         n = normals[i, 0], normals[i, 1], normals[i, 2]
@@ -90,13 +92,13 @@ def _log_brightness(  # type: ignore[no-untyped-def]
         )
         squared = way[0] ** 2 + way[1] ** 2 + way[2] ** 2  # d^2
         facing = max(n[0] * way[0] + n[1] * way[1] + n[2] * way[2], 0.0)  # d (n . l)
-        spread = lit[i] / (squared * math.sqrt(squared))
+        spread = visibility[i] / (squared * math.sqrt(squared))
         near = facing * high * spread  # (n . l) (d0 / d)^2
-        sky = 1 + n[0] * numbers[5] + n[1] * numbers[6] + n[2] * numbers[7]
-        around = max(sky, DIMMEST)
+        directional = 1 + n[0] * parameters[5] + n[1] * parameters[6] + n[2] * parameters[7]
+        around = max(directional, DIMMEST)
         light = max(ambient * around + (1 - ambient) * near, 1e-4)
-        dim = fall * off_axis[i] ** 2
-        log[i] = numbers[3] - 2 * math.log1p(dim) + math.log(light)
+        dim = vignetting * off_axis[i] ** 2
+        log[i] = parameters[3] - 2 * math.log1p(dim) + math.log(light)
         if len(slopes) == 0:
             continue
         for k in range(3):
@@ -104,14 +106,14 @@ def _log_brightness(  # type: ignore[no-untyped-def]
             if facing > 0:
                 by_lamp = spread * (high * n[k] + facing * (2 * lamp[k] - 3 * high * way[k] / squared))
             slopes[i, k] = (1 - ambient) * size * by_lamp / light
-            slopes[i, 5 + k] = ambient * n[k] / light if sky > DIMMEST else 0.0
+            slopes[i, 5 + k] = ambient * n[k] / light if directional > DIMMEST else 0.0
         slopes[i, 3] = 1.0
         slopes[i, 4] = ambient * (1 - ambient) * (around - near) / light
         slopes[i, 8] = -2 * dim / (1 + dim)
 
 
 DIMMEST = 0.05
-"""Light from all around is never less than this part of its mean."""
+"""LampModel from all around is never less than this part of its mean."""
 
 
 class Cells(NamedTuple):
@@ -128,7 +130,7 @@ PRIOR = np.array([0, 0, 0, 0, 0.02, 1, 1, 1, 0.02])
 shape cannot tell stays where it was."""
 
 
-def fit(points: Floats, normals: Floats, off_axis: Floats, brightness: Floats) -> Light:
+def fit_lamp(points: Floats, normals: Floats, off_axis: Floats, brightness: Floats) -> LampModel:
     """Fit the light to cells most of which may be blank paper.
 
     Cells darker than the fit count the less the darker they are: print, pictures and stamps are darker than paper.
@@ -146,7 +148,7 @@ def fit(points: Floats, normals: Floats, off_axis: Floats, brightness: Floats) -
     size = float(np.linalg.norm(np.ptp(points, axis=0)))
     cells = Cells(points, normals, off_axis, np.log(brightness))
     rough = Cells(*(values[::4] for values in cells))
-    tries = [_round(Light(middle, size, start), rough, DARKER[0], 6) for start in _starts(normals, cells.log)]
+    tries = [_round(LampModel(middle, size, start), rough, DARKER[0], 6) for start in _starts(normals, cells.log)]
     tries.sort(key=lambda light: _cost(light, rough, DARKER[2]))
     best = tries[:2]
     for darker in DARKER[1:]:
@@ -164,20 +166,20 @@ def _starts(normals: Floats, log: Floats) -> list[Floats]:
     return [np.r_[1.2 * up + a * aside[0] + b * aside[1], level, -1.0, 0, 0, 0, -4.0] for a, b in around]
 
 
-def _round(light: Light, cells: Cells, darker: float, steps: int) -> Light:
+def _round(light: LampModel, cells: Cells, darker: float, steps: int) -> LampModel:
     pull = PRIOR * np.sqrt(len(cells.log)) * 0.03
     where = cells.points, cells.normals, cells.off_axis
 
-    def misfit(numbers: Floats) -> Floats:
-        model = Light(light.middle, light.size, numbers).log_brightness(*where)
-        return np.r_[robust(cells.log - model, darker), pull * (numbers - START_OF_PRIOR)]
+    def residuals(parameters: Floats) -> Floats:
+        model = LampModel(light.middle, light.size, parameters).log_brightness(*where)
+        return np.r_[robust(cells.log - model, darker), pull * (parameters - START_OF_PRIOR)]
 
-    def slopes(numbers: Floats) -> Floats:
-        model, by = Light(light.middle, light.size, numbers).with_slopes(*where)
+    def slopes(parameters: Floats) -> Floats:
+        model, by = LampModel(light.middle, light.size, parameters).with_slopes(*where)
         return np.concatenate([-robust_slope(cells.log - model, darker)[:, None] * by, np.diag(pull)])
 
-    found = least_squares(misfit, light.numbers, slopes, method="lm", x_scale="jac", max_nfev=steps)
-    return Light(light.middle, light.size, found.x)
+    solution = least_squares(residuals, light.parameters, slopes, method="lm", x_scale="jac", max_nfev=steps)
+    return LampModel(light.middle, light.size, solution.x)
 
 
 START_OF_PRIOR = np.array([0, 0, 0, 0, -1.0, 0, 0, 0, -4.0])
@@ -198,14 +200,14 @@ def robust_slope(residual: Floats, darker: float) -> Floats:
     return np.where(residual < 0, low, share / (root * np.sqrt(2 * (root - 1))))
 
 
-def _cost(light: Light, cells: Cells, darker: float) -> float:
+def _cost(light: LampModel, cells: Cells, darker: float) -> float:
     model = light.log_brightness(cells.points, cells.normals, cells.off_axis)
     return float((robust(cells.log - model, darker) ** 2).sum())
 
 
-def chosen(usable: Bools) -> Bools:
-    """At most ENOUGH_CELLS of the usable ones, evenly spread."""
-    step = max(1, int(np.sqrt(usable.sum() / ENOUGH_CELLS)))
+def sample_cells(usable: Bools) -> Bools:
+    """At most MAX_CELLS of the usable ones, evenly spread."""
+    step = max(1, int(np.sqrt(usable.sum() / MAX_CELLS)))
     some = np.zeros_like(usable)
     some[step // 2 :: step, step // 2 :: step] = True
     return np.asarray(some & usable)

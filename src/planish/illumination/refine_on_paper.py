@@ -1,4 +1,4 @@
-"""What the fitted light leaves over, followed on paper alone."""
+"""Refine the illumination from residuals on paper."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from planish.types import Bools, Floats
 WIDE = ((16.0, 0.10), (8.0, 0.06), (4.0, 0.05))
 """Widths [mm] over which the rest is smoothed, each with the misfit [log] up to which a cell counts as paper."""
 FINE = ((2.0, 0.05), (1.0, 0.05), (0.5, 0.05))
-"""The same where the light may be wrong by more than UNSURE: at creases and the edges of shadows."""
-UNSURE = 0.02
+"""The same where the light may be wrong by more than MAX_CERTAIN: at creases and the edges of shadows."""
+MAX_CERTAIN = 0.02
 AGREES = 0.02
 """The misfit for patches of less than LONE of all the paper, that may be part of a picture."""
 LONE = 0.05
@@ -25,7 +25,7 @@ MOST_SCATTER = 0.06
 """More than that [log] is not the paper's: it is the pale greys of a map or a picture."""
 BESIDE_MM = 2.0
 ENOUGH = 0.3
-"""Share of certain paper within BESIDE_MM of a place where the light is in doubt, from which on (half of it: not at
+"""Share of certain paper within BESIDE_MM of a place where the light is uncertain, from which on (half of it: not at
 all) that place is taken for paper too. Across a picture a crease stays as it is."""
 LITTLE = 0.02
 """Share of paper around a cell that outweighs no correction at all."""
@@ -39,7 +39,7 @@ def refine_illumination(cells: Cells, log_model: Floats, crease: Floats, shadow:
     """Add to the light's model what paper shows beside it.
 
     Rounds of normalised convolution (Knutsson and Westin 1993): the misfit of cells that count as paper, smoothed over
-    ever smaller widths. A grey picture is no paper in any round, unless the light itself is in doubt there.
+    ever smaller widths. A grey picture is no paper in any round, unless the light itself is uncertain there.
 
     Parameters
     ----------
@@ -63,12 +63,12 @@ def refine_illumination(cells: Cells, log_model: Floats, crease: Floats, shadow:
     sure = trust * _likeness(misfits, WIDE[0][1] + scatter)
     beside = np.clip(2 * _blur(sure, BESIDE_MM / cells.mm) / ENOUGH - 1, 0, 1)
     crease = crease.astype(np.float32) * beside
-    doubt = np.maximum(crease, shadow.astype(np.float32) * beside) + scatter
-    lone = _lone(cells, misfits, doubt)
+    sigma = np.maximum(crease, shadow.astype(np.float32) * beside) + scatter
+    lone = _lone(cells, misfits, sigma)
     field: Field = log_model[..., None].astype(np.float32) + tint
-    for rounds, strength in ((WIDE, np.float32(1)), (FINE, np.clip(doubt / UNSURE - 1, 0, 1)[..., None])):
+    for rounds, strength in ((WIDE, np.float32(1)), (FINE, np.clip(sigma / MAX_CERTAIN - 1, 0, 1)[..., None])):
         for width_mm, misfit in rounds:
-            within = np.where(lone, AGREES, misfit) + doubt
+            within = np.where(lone, AGREES, misfit) + sigma
             weight = trust * _likeness(log @ LUMINANCE - field @ LUMINANCE, within)
             field = field + strength * _smoothed(log - field, weight, width_mm / cells.mm)
     return field, _seam(cells, field @ LUMINANCE, crease)
@@ -92,9 +92,9 @@ def _paper(log: Field, log_model: Floats, misfits: Field, trust: Field) -> tuple
     return tint, min(SCATTER * deviation, MOST_SCATTER)
 
 
-def _lone(cells: Cells, misfits: Field, doubt: Field) -> Bools:
+def _lone(cells: Cells, misfits: Field, sigma: Field) -> Bools:
     """Cells that would count as paper but hang together with little of it, as bright spots of pictures do."""
-    alike = cells.known & (cells.share > 0.5) & (np.abs(misfits) < WIDE[0][1] + doubt)
+    alike = cells.known & (cells.share > 0.5) & (np.abs(misfits) < WIDE[0][1] + sigma)
     _, patch, size, _ = cv2.connectedComponentsWithStats(alike.astype(np.uint8), connectivity=8)
     large = size[:, cv2.CC_STAT_AREA] > LONE * max(alike.sum(), 1)
     return np.asarray(alike & ~large[patch])

@@ -1,4 +1,4 @@
-"""Shading removed from a page: the light found and divided out."""
+"""Remove shading from a page: estimate the illumination and divide it out."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from scipy import ndimage
 
 from planish.color import LUMINANCE
 from planish.errors import UsageError
-from planish.illumination import lamp_model as lighting
 from planish.illumination.cells import Cells, Field, cell_statistics
 from planish.illumination.divide import divide_illumination
+from planish.illumination.lamp_model import LampModel, fit_lamp, sample_cells
 from planish.illumination.refine_on_paper import nearby_range, refine_illumination
 from planish.illumination.shadow_visibility import shadow_visibility
 from planish.illumination.surface_at_pixels import Surface, coarse_mesh, surface_at_pixels
 from planish.settings import ShadingSettings
 from planish.types import Bools, Floats, Page, Scan
 
-ENOUGH_PAPER = 200
+MIN_PAPER_CELLS = 200
 """Cells of quiet paper, 0.5 mm wide, that the light can be found from."""
 PAPER_SHARE = 0.02
 ALIKE = 0.1
@@ -40,7 +40,7 @@ COLOURED = 0.5
 
 @dataclass(frozen=True, eq=False)
 class ShadingFit:
-    """How well the shade was found.
+    """How well the illumination was estimated.
 
     Attributes
     ----------
@@ -72,7 +72,7 @@ class ShadingFit:
 
 @dataclass(frozen=True, eq=False)
 class EvenlyLit:
-    """A page without shade.
+    """A page without shading.
 
     Attributes
     ----------
@@ -124,14 +124,14 @@ def remove_shading(
     if s.shading == "none":
         raise UsageError('shading is "none", so there is no shade to remove; choose geometry or background')
     cells = cell_statistics(page)
-    found = _by_geometry(cells, scan, page_xy, normals) if s.shading == "geometry" else None
+    estimate = _by_geometry(cells, scan, page_xy, normals) if s.shading == "geometry" else None
     warnings: tuple[str, ...] = ()
-    if found is None and s.shading == "geometry":
+    if estimate is None and s.shading == "geometry":
         warnings = (
             "the page shows too little blank paper to find the light from the sheet's shape; its shade was taken from "
             "the background instead",
         )
-    field, seam, lamp = found or (_background(cells), np.zeros(cells.known.shape, np.float32), None)
+    field, seam, lamp = estimate or (_background(cells), np.zeros(cells.known.shape, np.float32), None)
     if cells.known.any():
         field = np.maximum(field, np.median(field[cells.known], axis=0) + np.log(DARKEST, dtype=np.float32))
     gain = np.exp(seam[..., None] - field) * _kept_colour(field, cells)
@@ -148,7 +148,7 @@ def remove_shading(
 
 def _by_geometry(
     cells: Cells, scan: Scan, page_xy: Floats, normals: NDArray[np.floating[Any]]
-) -> tuple[Field, Field, lighting.Light] | None:
+) -> tuple[Field, Field, LampModel] | None:
     """Logarithm of the light of paper in each cell, that of the seams, the lamp; None where paper is too little."""
     surface = surface_at_pixels(cells, scan, page_xy, normals)
     lamp = _lamp(cells, surface)
@@ -162,17 +162,17 @@ def _by_geometry(
     return *refine_illumination(cells, model, nearby_range(bare, bend), nearby_range(model - bare, edge)), lamp
 
 
-def _lamp(cells: Cells, surface: Surface) -> lighting.Light | None:
+def _lamp(cells: Cells, surface: Surface) -> LampModel | None:
     """The light found from the quiet cells, where enough of them agree with it."""
     bright = cells.brightness
     quiet = (cells.share > 0.7) & cells.known & surface.known & (cells.clipped < 0.1) & (bright > 0.01)
-    if quiet.sum() < ENOUGH_PAPER:
+    if quiet.sum() < MIN_PAPER_CELLS:
         return None
-    some = lighting.chosen(quiet)
+    some = sample_cells(quiet)
     where = surface.points[some], surface.normals[some], surface.off_axis[some]
-    lamp = lighting.fit(*where, bright[some].astype(np.float64))
+    lamp = fit_lamp(*where, bright[some].astype(np.float64))
     paper = (np.abs(np.log(bright[some]) - lamp.log_brightness(*where)) < ALIKE).mean() * quiet.sum()
-    return lamp if paper > max(ENOUGH_PAPER, PAPER_SHARE * cells.known.sum()) else None
+    return lamp if paper > max(MIN_PAPER_CELLS, PAPER_SHARE * cells.known.sum()) else None
 
 
 def _background(cells: Cells) -> Field:
@@ -200,7 +200,7 @@ def _kept_colour(field: Field, cells: Cells) -> Field:
 
 
 def _quality(
-    cells: Cells, field: Field, lamp: lighting.Light | None, clipped_share: float, warnings: tuple[str, ...]
+    cells: Cells, field: Field, lamp: LampModel | None, clipped_share: float, warnings: tuple[str, ...]
 ) -> ShadingFit:
     before = cells.brightness
     after = np.exp(np.log(np.maximum(cells.light, 1e-4)) - field) @ LUMINANCE

@@ -1,4 +1,4 @@
-"""Shadows that the sheet throws on itself."""
+"""Shadows that the sheet casts on itself."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ SLACK_MM = 1.0
 
 
 def shadow_visibility(mesh: Mesh, lamp: Floats, points: Floats, normals: Floats) -> Floats:
-    """Tell which share of the lamp each point of the sheet sees.
+    """Share of the lamp that each point of the sheet sees.
 
     The sheet is drawn as the lamp sees it, and each point is compared with what was drawn in nine pixels around it
     (a shadow map: Williams 1978; Reeves et al. 1987).

@@ -1,4 +1,4 @@
-"""The sheet's shape under each cell of the page."""
+"""Position and normal of the surface at each cell of the page."""
 
 from __future__ import annotations
 
@@ -50,17 +50,17 @@ def surface_at_pixels(cells: Cells, scan: Scan, page_xy: Floats, normals: NDArra
     """
     faces = scan.mesh.faces
     face, w = rasterize(page_xy / cells.mm - 0.5, faces, cells.known.shape)
-    at, turned = np.zeros((2, *face.shape, 3))
+    at, normal = np.zeros((2, *face.shape, 3))
     off_axis, known = np.zeros(face.shape), np.zeros(face.shape, bool)
-    carried = scan.mesh.points, normals, _off_axis(scan)
+    values = scan.mesh.points, normals, _off_axis(scan)
     with thread_pool() as parallel_for:
-        parallel_for(_carry, len(face), face, w, faces, *carried, at, turned, off_axis, known, block=16)
-    return Surface(at, turned, off_axis, known)
+        parallel_for(_interpolate, len(face), face, w, faces, *values, at, normal, off_axis, known, block=16)
+    return Surface(at, normal, off_axis, known)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _carry(  # type: ignore[no-untyped-def]
-    first, last, face, w, faces, points, normals, off_axis, at, turned, off, known
+def _interpolate(  # type: ignore[no-untyped-def]
+    first, last, face, w, faces, points, normals, off_axis, at, normal, off, known
 ):
     for r in range(first, last):
         for q in range(face.shape[1]):
@@ -72,12 +72,12 @@ def _carry(  # type: ignore[no-untyped-def]
                 off[r, q] += weight * off_axis[i]
                 for d in range(3):
                     at[r, q, d] += weight * points[i, d]
-                    turned[r, q, d] += weight * normals[i, d]
+                    normal[r, q, d] += weight * normals[i, d]
                 weight = float(w[r, q, min(k, 1)])
-            length = math.sqrt(turned[r, q, 0] ** 2 + turned[r, q, 1] ** 2 + turned[r, q, 2] ** 2)
+            length = math.sqrt(normal[r, q, 0] ** 2 + normal[r, q, 1] ** 2 + normal[r, q, 2] ** 2)
             known[r, q] = length > 0
             for d in range(3):
-                turned[r, q, d] /= max(length, 1e-9)
+                normal[r, q, d] /= max(length, 1e-9)
 
 
 def coarse_mesh(surface: Surface, step: int) -> Mesh:

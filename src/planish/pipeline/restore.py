@@ -119,7 +119,7 @@ def _draw(
         rendered = render_page(views, flat.size_mm, s.render, sheet.icc)
     if s.pages != "1":
         with stage("split"):
-            spine = find_gutter(sheet.mesh, flat.page_xy, rendered.page, certainly=s.pages == "2")
+            spine = find_gutter(sheet.mesh, flat.page_xy, rendered.page, always=s.pages == "2")
     if s.shading.shading != "none":
         with stage("unshade"):
             normals = prepared.normals if flat.normals is None else flat.normals

@@ -1,4 +1,4 @@
-"""The photo drawn through the flattened mesh, at true size."""
+"""Rendering: the photo drawn through the flattened mesh, at true size."""
 
 from planish.render.draw import Rendered, draw, preview, render_page
 from planish.render.missing import MissingRegions, mask_of, missing_regions

@@ -1,4 +1,4 @@
-"""The page painted in bands, from one photo or from several."""
+"""Render the page in bands of rows, from one photo or from several."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from planish.render.sample import maps_of_faces, sample
 from planish.types import Bools, Ints, Pixels
 
 BAND_PIXELS = 4_000_000
-"""So many page pixels are drawn at a time; the working memory is about 16 bytes for each, with several photos 40."""
+"""Page pixels rendered at a time; working memory is about 16 bytes for each, with several photos 40."""
 SLIGHT = 0.01
 """A share of a pixel below this is drawn only where no photo has more."""
 
 
 def render_bands(
-    seen: Sequence[PhotoView], blend: Blend | None, shape_rc: tuple[int, int], px_per_mm: float
+    views: Sequence[PhotoView], blend: Blend | None, shape_rc: tuple[int, int], px_per_mm: float
 ) -> tuple[Pixels, Bools]:
     """Draw all pixels of a page.
 
     Parameters
     ----------
-    seen : sequence of Sight
+    views : sequence of PhotoView
     blend : Blend or None
         How much of which to take; None for a single one.
     shape_rc : (int, int)
@@ -43,30 +43,30 @@ def render_bands(
     known : (rows, cols) bool
     """
     rows, cols = shape_rc
-    dtype = np.result_type(*(sight.photo.dtype for sight in seen))
+    dtype = np.result_type(*(view.photo.dtype for view in views))
     pixels, known = np.empty((rows, cols, 3), dtype), np.empty((rows, cols), np.bool_)
-    brushes = [_Sampler(sight, px_per_mm) for sight in seen]
+    samplers = [_Sampler(view, px_per_mm) for view in views]
     codes, band = code_values(dtype), max(1, BAND_PIXELS // cols)
     light = np.empty((min(band, rows), cols, 3), np.float32)
     for top in range(0, rows, band):
         here = slice(top, min(top + band, rows))
         if blend is None:
-            brushes[0].sample(brushes[0].rasterize_ids((here.stop - top, cols), top), top, light, known[here])
+            samplers[0].sample(samplers[0].rasterize_ids((here.stop - top, cols), top), top, light, known[here])
         else:
-            _mix(brushes, blend, top, px_per_mm, light, known[here])
+            _mix(samplers, blend, top, px_per_mm, light, known[here])
         with thread_pool() as parallel_for:
             parallel_for(_encode, here.stop - top, light, known[here], codes, pixels[here], block=64)
     return pixels, known
 
 
 class _Sampler:
-    """A sight made ready to draw a page of certain pixels."""
+    """A photo view prepared for a page of given resolution."""
 
-    def __init__(self, sight: PhotoView, px_per_mm: float) -> None:
-        chart = sight.uv_map
-        self.photo, self.faces = sight.photo, sight.faces
-        self.pixel_xy = chart.page_xy * px_per_mm - 0.5
-        self.maps = maps_of_faces(self.pixel_xy, chart.photo_xy, chart.jacobian / px_per_mm, sight.faces)
+    def __init__(self, view: PhotoView, px_per_mm: float) -> None:
+        uv_map = view.uv_map
+        self.photo, self.faces = view.photo, view.faces
+        self.pixel_xy = uv_map.page_xy * px_per_mm - 0.5
+        self.maps = maps_of_faces(self.pixel_xy, uv_map.photo_xy, uv_map.jacobian / px_per_mm, view.faces)
 
     def rasterize_ids(self, shape_rc: tuple[int, int], top: int) -> Ints:
         return rasterize_ids(self.pixel_xy, self.faces, shape_rc, top=top)
@@ -76,7 +76,7 @@ class _Sampler:
 
 
 def _mix(
-    brushes: Sequence[_Sampler], blend: Blend, top: int, px_per_mm: float, total: NDArray[np.float32], known: Bools
+    samplers: Sequence[_Sampler], blend: Blend, top: int, px_per_mm: float, total: NDArray[np.float32], known: Bools
 ) -> None:
     """Fill a band with the weighted mean of what the photos show; what none shows well, from any that shows it."""
     rows, cols = known.shape
@@ -84,7 +84,7 @@ def _mix(
     mass = np.zeros((rows, cols), np.float32)
     total[:rows] = 0
     for slight in (False, True):
-        for i, sampler in enumerate(brushes):
+        for i, sampler in enumerate(samplers):
             face = sampler.rasterize_ids((rows, cols), top)
             place = top, px_per_mm * blend.cell_mm
             with thread_pool() as parallel_for:

@@ -64,7 +64,7 @@ class Blend:
     best: NDArray[np.int64]
 
 
-def blend(seen: Sequence[PhotoView], looks: Sequence[tuple[Light, Light, Bools]], cell_mm: float) -> Blend:
+def blend(views: Sequence[PhotoView], samples: Sequence[tuple[Light, Light, Bools]], cell_mm: float) -> Blend:
     """Decide which photo the page takes where.
 
     A photo is as good as its pixels per mm of page, in the direction where they are fewest (that holds the angle at
@@ -72,15 +72,15 @@ def blend(seen: Sequence[PhotoView], looks: Sequence[tuple[Light, Light, Bools]]
 
     Parameters
     ----------
-    seen : sequence of Sight
-    looks : sequence of (light, detail, known)
+    views : sequence of PhotoView
+    samples : sequence of (light, detail, known)
         What each shows, in cells: mean light (rows, cols, 3), mean `detail` (rows, cols, 4), whether it is known.
     cell_mm : float
     """
-    known = np.array([look[2] for look in looks])
-    light = np.array([look[0] for look in looks])
-    ppi = np.where(known, [np.nan_to_num(sight.resolution.ppi) for sight in seen], 0)
-    good = np.log(np.maximum(ppi, 1e-3)) + _sharpness(np.array([look[1] for look in looks]), known, cell_mm)
+    known = np.array([sample[2] for sample in samples])
+    light = np.array([sample[0] for sample in samples])
+    ppi = np.where(known, [np.nan_to_num(view.resolution.ppi) for view in views], 0)
+    good = np.log(np.maximum(ppi, 1e-3)) + _sharpness(np.array([sample[1] for sample in samples]), known, cell_mm)
     calm = np.array([_smooth(g, k, CALM_MM / cell_mm) for g, k in zip(good, known, strict=True)])
     inner = np.array([_inner(k, RIM_MM / cell_mm) for k in known])
     worth = np.where(known, calm + np.log(np.maximum(inner, 1e-3)), -np.inf)

@@ -1,4 +1,4 @@
-"""The photo drawn through the flattened mesh: a page of true size."""
+"""Render the photo through the flattened mesh: a page of true size."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from planish.memory import check_memory
 from planish.render.bands import render_bands
 from planish.render.blend import Blend, blend, detail
 from planish.render.photo_view import PhotoView, photo_views, shrunk
-from planish.render.resolution import Resolution, cells, nearest_usual_dpi, of_the_best
+from planish.render.resolution import Resolution, cells, combined_resolution, nearest_usual_dpi
 from planish.settings import RenderSettings
 from planish.types import Bools, Floats, Page, Pixels, Scan
 
 Light = NDArray[np.float32]
 
-LOOK_PX, LOOK_PIXELS = (4, 6), 16_000_000
+COARSE_PX, MAX_COARSE_PIXELS = (4, 6), 16_000_000
 """Photos are compared on coarse pages with fewest and most pixels across a cell, and so many in all at most."""
-MOST_PIXELS = 1_000_000_000
+MAX_PIXELS = 1_000_000_000
 BYTES_PER_PIXEL = {1: 16.0, 2: 22.0}
 """Of a page, by the bytes of one colour: all its pictures together, drawn, without shade and in black and white."""
 
@@ -104,7 +104,7 @@ def render_page(
         dpi = _dpi(views[0].resolution, settings)
         return Rendered(_page(views, None, size_mm, dpi, icc), views[0].resolution)
     mixed = _mixed(views, size_mm)
-    best = of_the_best([view.resolution for view in views], mixed.best)
+    best = combined_resolution([view.resolution for view in views], mixed.best)
     return Rendered(_page(views, mixed, size_mm, _dpi(best, settings), icc), best, _parts(mixed.best, len(views)))
 
 
@@ -118,26 +118,30 @@ def _dpi(found: Resolution, settings: RenderSettings) -> float:
 
 
 def _page(
-    seen: Sequence[PhotoView], mixed: Blend | None, size_mm: tuple[float, float], dpi: float, icc: bytes | None
+    views: Sequence[PhotoView], mixed: Blend | None, size_mm: tuple[float, float], dpi: float, icc: bytes | None
 ) -> Page:
-    pixels, known = render_bands(seen, mixed, _shape(size_mm, dpi, seen[0].photo.dtype.itemsize), mm_to_px(1, dpi))
+    pixels, known = render_bands(views, mixed, _shape(size_mm, dpi, views[0].photo.dtype.itemsize), mm_to_px(1, dpi))
     pixels[~known] = _paper(pixels, known)
     return Page(pixels, known, dpi, icc)
 
 
-def _mixed(seen: Sequence[PhotoView], size_mm: tuple[float, float]) -> Blend:
+def _mixed(views: Sequence[PhotoView], size_mm: tuple[float, float]) -> Blend:
     """How much of each photo the page takes where, from a coarse page of each."""
     cell_mm, (rows, cols) = cells(size_mm)
-    finest = max(sight.resolution.median_ppi for sight in seen) * cell_mm / MM_PER_INCH
-    across = int(min(np.clip(np.ceil(finest), *LOOK_PX), max(1, (LOOK_PIXELS / (rows * cols)) ** 0.5)))
-    looks = [_look(shrunk(sight, MM_PER_INCH * across / cell_mm), (rows, cols), across, cell_mm) for sight in seen]
-    return blend(seen, looks, cell_mm)
+    finest = max(view.resolution.median_ppi for view in views) * cell_mm / MM_PER_INCH
+    across = int(min(np.clip(np.ceil(finest), *COARSE_PX), max(1, (MAX_COARSE_PIXELS / (rows * cols)) ** 0.5)))
+    samples = [
+        _coarse_sample(shrunk(view, MM_PER_INCH * across / cell_mm), (rows, cols), across, cell_mm) for view in views
+    ]
+    return blend(views, samples, cell_mm)
 
 
-def _look(sight: PhotoView, shape_rc: tuple[int, int], across: int, cell_mm: float) -> tuple[Light, Light, Bools]:
+def _coarse_sample(
+    view: PhotoView, shape_rc: tuple[int, int], across: int, cell_mm: float
+) -> tuple[Light, Light, Bools]:
     """Mean light, strength of detail, and whether most of it is known, for every cell."""
     rows, cols = shape_rc
-    pixels, known = render_bands([sight], None, (rows * across, cols * across), across / cell_mm)
+    pixels, known = render_bands([view], None, (rows * across, cols * across), across / cell_mm)
     light = np.where(known[..., None], linear_light(np.iinfo(pixels.dtype).max + 1)[pixels], np.float32(0))
     in_cells = (rows, across, cols, across)
     count = np.maximum(known.reshape(in_cells).sum(axis=(1, 3)), 1).astype(np.float32)
@@ -154,7 +158,7 @@ def _parts(best: NDArray[np.int64], count: int) -> tuple[float, ...]:
 def _shape(size_mm: tuple[float, float], dpi: float, itemsize: int) -> tuple[int, int]:
     cols, rows = (max(1, round(mm_to_px(mm, dpi))) for mm in size_mm)
     page = f"a page of {size_mm[0]:.0f} x {size_mm[1]:.0f} mm at {dpi:g} dpi"
-    if rows * cols > MOST_PIXELS:
+    if rows * cols > MAX_PIXELS:
         raise InputError(
             f"{page} has {rows * cols / 1e9:.1f} thousand million pixels, more than planish draws; is the scan's unit "
             "right?"

@@ -1,7 +1,7 @@
-"""The filter that draws: Lanczos' windowed sinc of three lobes (Duchon 1979), over light in a box.
+"""Resampling filter: Lanczos' windowed sinc with three lobes (Duchon 1979), on a box of linear light.
 
-A box is a part of a photo as one row of float32, red green blue, `width` pixels a row. Filters of few pixels, upright
-ones and skewed ones each have their own sum; all give the same to rounding.
+A box is a part of a photo as a flat float32 array, red green blue, `width` pixels a row. Narrow, upright and skewed
+filters have a kernel each; all give the same result to rounding.
 """
 
 from __future__ import annotations

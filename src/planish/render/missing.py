@@ -1,4 +1,4 @@
-"""What of a page nobody saw: parts that the scan or the photo lacks, outlined and counted."""
+"""Missing regions: parts of a page that neither scan nor photo covers."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ import numpy as np
 from planish.errors import InputError
 from planish.render.resolution import Resolution, resolution
 from planish.render.uv_map import UVMap, uv_map
-from planish.render.visibility import seen_faces
+from planish.render.visibility import visible_faces
 from planish.types import Floats, Ints, Pixels, Scan
 
 
@@ -36,7 +36,7 @@ class PhotoView:
 
 
 def photo_views(scan: Scan, page_xy: Floats, size_mm: tuple[float, float]) -> list[PhotoView]:
-    """Look at the sheet through every photo of a scan, the main one first.
+    """Map the sheet to every photo of a scan, the main one first.
 
     Raises
     ------
@@ -56,7 +56,7 @@ def photo_views(scan: Scan, page_xy: Floats, size_mm: tuple[float, float]) -> li
 def _view(scan: Scan, page_xy: Floats, size_mm: tuple[float, float], name: str) -> PhotoView:
     assert scan.photo is not None
     sheet = uv_map(scan, page_xy)
-    faces = sheet.faces[seen_faces(sheet, scan.camera)]
+    faces = sheet.faces[visible_faces(sheet, scan.camera)]
     return PhotoView(scan.photo, sheet, faces, resolution(sheet, faces, size_mm, scan.photo.shape[:2], name), name)
 
 

@@ -1,4 +1,4 @@
-"""Which face of the sheet covers each pixel of a page: all that drawing needs to know of a fine mesh."""
+"""Rasterize face ids: the face of the sheet that covers each pixel of a page."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How finely the photo shows the page."""
+"""Effective resolution: photo pixels per inch of page."""
 
 from __future__ import annotations
 
@@ -44,10 +44,10 @@ def cells(size_mm: tuple[float, float]) -> tuple[float, tuple[int, int]]:
     return cell_mm, (max(1, round(size_mm[1] / cell_mm)), max(1, round(size_mm[0] / cell_mm)))
 
 
-def of_the_best(several: Sequence[Resolution], best: NDArray[np.int64]) -> Resolution:
+def combined_resolution(several: Sequence[Resolution], best: NDArray[np.int64]) -> Resolution:
     """The resolution of a page that takes each cell from another photo: number `best` (rows, cols), -1 for none."""
     ppi = np.take_along_axis(np.array([found.ppi for found in several]), np.maximum(best, 0)[None], axis=0)[0]
-    return _summed_up(np.where(best >= 0, ppi, np.float32(np.nan)))
+    return _summary(np.where(best >= 0, ppi, np.float32(np.nan)))
 
 
 def resolution(
@@ -57,7 +57,7 @@ def resolution(
 
     Parameters
     ----------
-    sheet : Chart
+    sheet : UVMap
     faces : (m, 3) int32
         Those that the photo saw.
     size_mm : (float, float)
@@ -82,10 +82,10 @@ def resolution(
             f"({high[0]:.0f}, {high[1]:.0f}), but the photo has {photo_shape[1]} x {photo_shape[0]} pixels; is it "
             f"the photo of this scan, and the printed side up?"
         )
-    return _summed_up(ppi)
+    return _summary(ppi)
 
 
-def _summed_up(ppi: NDArray[np.float32]) -> Resolution:
+def _summary(ppi: NDArray[np.float32]) -> Resolution:
     seen = ppi[np.isfinite(ppi)]
     return Resolution(ppi, float(np.median(seen)), float(np.quantile(seen, 0.1)))
 

@@ -1,4 +1,4 @@
-"""Where on the photo every place of the page is: the sheet as a mesh fine enough that its faces may be flat."""
+"""The map from page to photo: a mesh fine enough for its faces to be taken as flat."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from planish.types import Camera, Floats, Ints, Scan
 
 FINE_MM = 1.0
 """Faces longer than this on the page are cut into curved pieces; over 1 mm of paper no bend is seen."""
-MOST_FACES = 1_000_000
+MAX_FACES = 1_000_000
 """No finer than this many pieces in all."""
 SOME_FACES = 20_000
 """Of a mesh, to tell how coarse it is."""
@@ -55,10 +55,10 @@ def uv_map(scan: Scan, page_xy: Floats) -> UVMap:
     page_xy : (n, 2) float64 [mm]
     """
     faces, page, points, photo = _split_seams(scan, page_xy)
-    seen = None if scan.camera is None else _seen_by(scan.camera, points)
+    seen = None if scan.camera is None else _projected(scan.camera, points)
     photo = seen if photo is None else photo
     assert photo is not None
-    faces, photo = _without_lost_places(faces, photo)
+    faces, photo = _without_invalid(faces, photo)
     misfit = np.zeros_like(page) if seen is None else np.where(np.isfinite(seen), photo - seen, 0)
     pieces = _pieces_per_edge(page, faces)
     if pieces > 1:
@@ -86,13 +86,13 @@ def _split_seams(scan: Scan, page_xy: Floats) -> tuple[Ints, Floats, Floats, Flo
     return split, page_xy[source], scan.mesh.points[source], corner_xy[first]
 
 
-def _seen_by(camera: Camera, points: Floats) -> Floats:
+def _projected(camera: Camera, points: Floats) -> Floats:
     """Places on the photo, NaN for what lies behind the camera."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(np.where(depths(camera, points)[:, None] > 0, project(camera, points), np.nan))
 
 
-def _without_lost_places(faces: Ints, photo_xy: Floats) -> tuple[Ints, Floats]:
+def _without_invalid(faces: Ints, photo_xy: Floats) -> tuple[Ints, Floats]:
     """Leave out faces with a corner that has no place on any photo, and put such points in the middle of the others."""
     good = np.asarray((np.abs(photo_xy) < BEYOND_PX).all(axis=1))
     if good.all():
@@ -107,7 +107,7 @@ def _pieces_per_edge(page_xy: Floats, faces: Ints) -> int:
     some = page_xy[faces[:: max(1, len(faces) // SOME_FACES)]]
     edge = np.linalg.norm(some - np.roll(some, 1, axis=1), axis=2)
     wanted = int(np.ceil(float(np.quantile(edge, 0.9)) / FINE_MM)) if edge.max() > 2 * FINE_MM else 1
-    return max(1, min(wanted, int(np.sqrt(MOST_FACES / len(faces)))))
+    return max(1, min(wanted, int(np.sqrt(MAX_FACES / len(faces)))))
 
 
 @njit(cache=True)

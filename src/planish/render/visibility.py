@@ -1,4 +1,4 @@
-"""Which faces of the sheet the photo saw, and which hid behind others or turned their back."""
+"""Visibility: the faces of the sheet that a photo sees, neither back-facing nor occluded."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ SAME_PLACE_MM = 1.0
 """What lies in front counts as the same part of the sheet this near on the page (and two buffer pixels more)."""
 
 
-def seen_faces(chart: UVMap, camera: Camera | None) -> Bools:
-    """Tell which faces show their printed side to the camera with nothing in front of them.
+def visible_faces(uv_map: UVMap, camera: Camera | None) -> Bools:
+    """Find the faces that show their printed side to the camera with nothing in front of them.
 
     A face has its back to the camera where page and photo run round it in opposite senses. It is hidden where the
     foremost face at its place of the photo belongs to another part of the page. Without a camera the depths come from
@@ -29,31 +29,31 @@ def seen_faces(chart: UVMap, camera: Camera | None) -> Bools:
     -------
     (m,) bool
     """
-    turn, fewest = determinants(chart.jacobian), least_singular(chart.jacobian)
-    facing = _mean_of_corners(turn, chart.faces) > 0
-    nearness = _nearness(chart, camera)
+    turn, fewest = determinants(uv_map.jacobian), least_singular(uv_map.jacobian)
+    facing = _mean_of_corners(turn, uv_map.faces) > 0
+    nearness = _nearness(uv_map, camera)
     if nearness is None or not facing.any():
         return np.asarray(facing)
     px_per_mm = float(np.sqrt(np.median(turn[turn > 0])))
     scale = 1 / (px_per_mm * BUFFER_MM)
-    buffer_xy = (chart.photo_xy - chart.photo_xy.min(axis=0)) * scale
+    buffer_xy = (uv_map.photo_xy - uv_map.photo_xy.min(axis=0)) * scale
     cols, rows = (int(n) + 2 for n in buffer_xy.max(axis=0))
-    front = rasterize_ids(buffer_xy, chart.faces, (rows, cols), nearness=_mean_of_corners(nearness, chart.faces))
+    front = rasterize_ids(buffer_xy, uv_map.faces, (rows, cols), nearness=_mean_of_corners(nearness, uv_map.faces))
     pixel_mm = 1 / (scale * np.maximum(fewest, 0.05 * px_per_mm))
     seen = np.zeros(len(facing), np.bool_)
     with thread_pool() as parallel_for:
-        parallel_for(_in_front, len(seen), chart.faces, chart.page_xy, buffer_xy, pixel_mm, facing, front, seen)
+        parallel_for(_in_front, len(seen), uv_map.faces, uv_map.page_xy, buffer_xy, pixel_mm, facing, front, seen)
     return seen
 
 
-def _nearness(chart: UVMap, camera: Camera | None) -> Floats | None:
+def _nearness(uv_map: UVMap, camera: Camera | None) -> Floats | None:
     """1 / depth of every point, or None where no camera can be found."""
     if camera is not None:
-        return np.asarray(1 / np.maximum(depths(camera, chart.points), 1e-9))
-    matrix = resect(chart.points, chart.photo_xy)
+        return np.asarray(1 / np.maximum(depths(camera, uv_map.points), 1e-9))
+    matrix = resect(uv_map.points, uv_map.photo_xy)
     if matrix is None:
         return None
-    return np.asarray(1 / (chart.points @ matrix[2, :3] + matrix[2, 3]))
+    return np.asarray(1 / (uv_map.points @ matrix[2, :3] + matrix[2, 3]))
 
 
 @njit(cache=True, nogil=True)
