@@ -74,3 +74,20 @@ def test_every_extra_is_explained():
 def test_every_name_for_python_users_is_in_the_reference():
     shown = re.findall(r"^::: planish\.(\w+)$", (ROOT / "docs" / "api.md").read_text(), re.M)
     assert set(shown) == set(planish.__all__)
+
+
+def test_the_architecture_names_every_room_and_only_files_that_exist():
+    source, text = ROOT / "src" / "planish", (ROOT / "docs" / "architecture.md").read_text()
+    cells = re.findall(r"^\| ((?:`\w+`(?:, )?)+) \|", text, re.M)
+    named = {name for cell in cells for name in re.findall(r"`(\w+)`", cell)}
+    rooms = {p.name for p in source.iterdir() if (p / "__init__.py").exists()}
+    rooms |= {p.stem for p in source.glob("*.py") if not p.stem.startswith("_")}
+    assert named == rooms
+    for path in re.findall(r"`(\w+(?:/\w+)*(?:/\w+\.py|\.py))`", text):
+        assert (source / path).exists(), path
+
+
+def test_the_glossary_is_in_order():
+    terms = re.findall(r"^\| ([^|]+) \|", (ROOT / "docs" / "glossary.md").read_text(), re.M)[1:]
+    terms = [term for term in terms if not term.startswith("---")]
+    assert terms == sorted(terms)
