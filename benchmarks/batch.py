@@ -22,7 +22,7 @@ from pathlib import Path
 
 from batch_shelf import make_shelf
 from machine import machine
-from planish.batch.row import TIMES
+from planish.batch.row import VARYING_FIELDS
 
 PLANISH = [sys.executable, "-m", "planish"]
 SMALL = {"points": 5000, "photo_px": (1200, 900)}
@@ -155,7 +155,7 @@ def timeless(path: Path) -> bytes:
 
 def _without_times(value: object) -> object:
     if isinstance(value, dict):
-        return {key: _without_times(v) for key, v in value.items() if key not in (*TIMES, "seconds_total")}
+        return {key: _without_times(v) for key, v in value.items() if key not in (*VARYING_FIELDS, "seconds_total")}
     return [_without_times(item) for item in value] if isinstance(value, list) else value
 
 

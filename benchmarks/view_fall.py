@@ -10,7 +10,7 @@ from planish.gallery import sheet, sheet_mesh
 from planish.mesh import onto_support_plane, repair, subsample, topology
 from planish.sticks import make_sticks
 from planish.types import Mesh, Scan
-from planish.view.settling import FALLING_POINTS, SLOWLY
+from planish.view.fall_animation import ANIMATION_SETTINGS, SIMULATED_POINTS
 
 SHEETS = ("book", "letter", "spread", "wave", "curl", "crumpled", "miura")
 TIME_STEPS = (0.1, 0.05, 0.03)
@@ -22,13 +22,13 @@ def main() -> None:
     print("|---|---|---|---|---|---|")
     for name in SHEETS:
         prepared = repair(Scan(sheet_mesh(sheet(name), points=60_000)[0]))
-        mesh = subsample(prepared.scan.mesh, prepared.topology, FALLING_POINTS).mesh
+        mesh = subsample(prepared.scan.mesh, prepared.topology, SIMULATED_POINTS).mesh
         sticks = make_sticks(mesh, topology(mesh.faces, len(mesh.points)), "unfolded")
         standing = Mesh(onto_support_plane(mesh)[0], mesh.faces)
         for time_step in TIME_STEPS:
             seen = []
             start = perf_counter()
-            done = settle(standing, sticks, replace(SLOWLY, time_step=time_step), watch=seen.append)
+            done = settle(standing, sticks, replace(ANIMATION_SETTINGS, time_step=time_step), watch=seen.append)
             seconds = perf_counter() - start
             left = np.sqrt(((np.array(seen) - seen[-1]) ** 2).sum(axis=2).mean(axis=1))
             near = int(np.argmax(left < 0.1 * left[0]))

@@ -12,18 +12,18 @@ from dataclasses import replace
 import pytest
 from PIL import Image
 
-from planish.batch import Item, Order, batch, find_items
-from planish.batch.items import Found
+from planish.batch import BatchOptions, Item, batch, find_items
+from planish.batch.items import ScanList
 from planish.batch.row import Row, worst_first
 from planish.batch.summary import write_summary
 from planish.errors import InputError, OutputError, UsageError
 from planish.io import write_json
-from planish.job import Done, run
-from planish.job.worker import DiedError, LimitError
+from planish.job import JobResult, run
+from planish.job.worker import LimitError, WorkerDiedError
 from planish.settings import BatchFiles, BinarizeSettings, RenderSettings, RestoreSettings
-from shelves import Here, digests, write_small_scan
+from small_scans import SynchronousPool, digests, write_small_scan
 
-ORDER = Order(settings=RestoreSettings(render=RenderSettings(dpi=30.0), rotate="0"))
+OPTIONS = BatchOptions(settings=RestoreSettings(render=RenderSettings(dpi=30.0), rotate="0"))
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +33,7 @@ def real(tmp_path_factory):
     write_small_scan(at / "in")
     (at / "out").mkdir()
     item = Item(name="a", scan=at / "in" / "scan.obj")
-    return run(ORDER.job(item, at / "out", (), ())), at / "out"
+    return run(OPTIONS.make_job(item, at / "out", (), ())), at / "out"
 
 
 @pytest.fixture
@@ -41,240 +41,242 @@ def restored(real, monkeypatch):
     """Stand in for `run`: scans that read "bad" are refused, all others give one page. Lists what was asked for."""
     asked = []
 
-    def stand_in(job, tell):
-        text = job.scan.read_text()
-        asked.append(job.scan.parent.name)
+    def stand_in(make_job, progress):
+        text = make_job.scan.read_text()
+        asked.append(make_job.scan.parent.name)
         if text.startswith("bad"):
-            raise InputError(f"{job.scan} is bad")
+            raise InputError(f"{make_job.scan} is bad")
         done, out = real
         report = replace(done.report, settled=not text.startswith("arched"), warnings=["odd"] * text.startswith("odd"))
-        shutil.copy(out / "page.tif", job.outputs.page)
-        write_json(job.outputs.report, report)
-        return Done(report, [job.outputs.page, job.outputs.report])
+        shutil.copy(out / "page.tif", make_job.outputs.page)
+        write_json(make_job.outputs.report, report)
+        return JobResult(report, [make_job.outputs.page, make_job.outputs.report])
 
     monkeypatch.setattr("planish.batch.task.run", stand_in)
-    monkeypatch.setattr("planish.batch.task.apart", lambda work, task, limits, stop: work(task, None))
+    monkeypatch.setattr(
+        "planish.batch.task.run_in_subprocess", lambda function, task, limits, stop: function(task, None)
+    )
     return asked
 
 
 @pytest.fixture
-def shelf(tmp_path):
+def folder(tmp_path):
     for name, text in {"a": "good", "b": "bad", "c": "good", "d": "odd", "e": "arched"}.items():
         (tmp_path / "in" / name).mkdir(parents=True)
         (tmp_path / "in" / name / "scan.obj").write_text(text)
     return tmp_path
 
 
-def restore_all(shelf, **how):
-    how = {"order": ORDER, **how}
-    return batch(find_items(shelf / "in"), shelf / "out", Here, how.pop("order"), **how)
+def restore_all(folder, **how):
+    how = {"options": OPTIONS, **how}
+    return batch(find_items(folder / "in"), folder / "out", SynchronousPool, how.pop("options"), **how)
 
 
-def test_every_item_has_its_folder_and_the_worst_come_first(shelf, restored):
-    told = []
-    counts = restore_all(shelf, tell=lambda row, count, now: told.append((row.name, count, now)))
+def test_every_item_has_its_folder_and_the_worst_come_first(folder, restored):
+    calls = []
+    counts = restore_all(folder, progress=lambda row, count, now: calls.append((row.name, count, now)))
     assert (counts.items, counts.failed, counts.not_settled, counts.warned, counts.done_now) == (5, 1, 1, 1, 5)
-    assert told == [(name, k, k) for k, name in enumerate("abcde", 1)]
+    assert calls == [(name, k, k) for k, name in enumerate("abcde", 1)]
     good = {"item.json", "page.tif", "preview.jpg", "report.json"}
     for name in "abcde":
-        assert {path.name for path in (shelf / "out" / name).iterdir()} == ({"item.json"} if name == "b" else good)
-    rows = [json.loads(line) for line in (shelf / "out" / "summary.jsonl").read_text().splitlines()]
+        assert {path.name for path in (folder / "out" / name).iterdir()} == ({"item.json"} if name == "b" else good)
+    rows = [json.loads(line) for line in (folder / "out" / "summary.jsonl").read_text().splitlines()]
     assert [row["name"] for row in rows] == ["b", "e", "d", "a", "c"]
     assert rows[0]["sentence"].endswith("scan.obj is bad")
-    with Image.open(shelf / "out" / "a" / "preview.jpg") as image:
+    with Image.open(folder / "out" / "a" / "preview.jpg") as image:
         assert max(image.size) <= 480
-    assert not list((shelf / "out" / ".planish" / "work").iterdir())
+    assert not list((folder / "out" / ".planish" / "work").iterdir())
 
 
-def test_a_second_run_does_nothing(shelf, restored):
-    restore_all(shelf)
-    before = digests(shelf / "out")
+def test_a_second_run_does_nothing(folder, restored):
+    restore_all(folder)
+    before = digests(folder / "out")
     restored.clear()
-    assert restore_all(shelf).done_now == 0
+    assert restore_all(folder).done_now == 0
     assert restored == []
-    assert digests(shelf / "out") == before
+    assert digests(folder / "out") == before
 
 
-def test_only_what_changed_is_done_again(shelf, restored):
-    restore_all(shelf)
+def test_only_what_changed_is_done_again(folder, restored):
+    restore_all(folder)
     restored.clear()
-    (shelf / "in" / "b" / "scan.obj").write_text("mended")
-    (shelf / "in" / "c" / "scan.obj").write_text("bad now")
-    (shelf / "in" / "a" / "scan.obj").touch()
-    told = []
-    counts = restore_all(shelf, tell=lambda row, count, now: told.append((row.name, count, now)))
+    (folder / "in" / "b" / "scan.obj").write_text("mended")
+    (folder / "in" / "c" / "scan.obj").write_text("bad now")
+    (folder / "in" / "a" / "scan.obj").touch()
+    calls = []
+    counts = restore_all(folder, progress=lambda row, count, now: calls.append((row.name, count, now)))
     assert restored == ["b", "c"]
     assert counts.done_now == 2
-    assert [(name, now) for name, _, now in told] == [("d", 0), ("e", 0), ("a", 1), ("b", 2), ("c", 3)]  # a was read
-    assert (shelf / "out" / "b" / "page.tif").exists()
-    assert not (shelf / "out" / "c" / "page.tif").exists()  # nothing passes for the page of the scan as it is now
+    assert [(name, now) for name, _, now in calls] == [("d", 0), ("e", 0), ("a", 1), ("b", 2), ("c", 3)]  # a was read
+    assert (folder / "out" / "b" / "page.tif").exists()
+    assert not (folder / "out" / "c" / "page.tif").exists()  # nothing passes for the page of the scan as it is now
 
 
-def test_scans_that_moved_are_not_done_again(shelf, restored):
-    restore_all(shelf)
+def test_scans_that_moved_are_not_done_again(folder, restored):
+    restore_all(folder)
     restored.clear()
-    shutil.copytree(shelf / "in", shelf / "elsewhere")
-    shutil.rmtree(shelf / "in")
-    (shelf / "elsewhere").rename(shelf / "in")
-    restore_all(shelf)
+    shutil.copytree(folder / "in", folder / "elsewhere")
+    shutil.rmtree(folder / "in")
+    (folder / "elsewhere").rename(folder / "in")
+    restore_all(folder)
     assert restored == []
 
 
 @pytest.mark.parametrize(
     "other",
     [
-        replace(ORDER, settings=replace(ORDER.settings, render=RenderSettings(dpi=31.0))),
-        replace(ORDER, files=BatchFiles(mask=True)),
+        replace(OPTIONS, settings=replace(OPTIONS.settings, render=RenderSettings(dpi=31.0))),
+        replace(OPTIONS, files=BatchFiles(mask=True)),
     ],
 )
-def test_other_settings_do_everything_again(shelf, restored, other):
-    restore_all(shelf)
+def test_other_settings_do_everything_again(folder, restored, other):
+    restore_all(folder)
     restored.clear()
-    restore_all(shelf, order=other)
+    restore_all(folder, options=other)
     assert restored == list("abcde")
 
 
-def test_what_failed_is_tried_again_only_when_asked(shelf, restored):
-    restore_all(shelf)
+def test_what_failed_is_tried_again_only_when_asked(folder, restored):
+    restore_all(folder)
     restored.clear()
-    restore_all(shelf)
-    restore_all(shelf, retry=True)
+    restore_all(folder)
+    restore_all(folder, retry=True)
     assert restored == ["b"]
 
 
-def test_a_process_that_is_killed_gets_a_second_try_and_another_by_the_next_run(shelf, restored, monkeypatch):
+def test_a_process_that_is_killed_gets_a_second_try_and_another_by_the_next_run(folder, restored, monkeypatch):
     deaths = {"a": 1, "c": 2}
 
     def mortal(work, task, limits, stop):
         if deaths.get(task.item.name, 0):
             deaths[task.item.name] -= 1
-            raise DiedError("the process was killed")
+            raise WorkerDiedError("the process was killed")
         if task.item.name == "d":
             raise LimitError("it took too long")
         return work(task, None)
 
-    monkeypatch.setattr("planish.batch.task.apart", mortal)
-    counts = restore_all(shelf)
+    monkeypatch.setattr("planish.batch.task.run_in_subprocess", mortal)
+    counts = restore_all(folder)
     assert counts.failed == 3
-    assert (shelf / "out" / "a" / "page.tif").exists()
+    assert (folder / "out" / "a" / "page.tif").exists()
     restored.clear()
-    restore_all(shelf)
+    restore_all(folder)
     assert restored == ["c"]  # not d, which would only take too long again
 
 
-def test_a_deleted_file_is_made_again(shelf, restored):
-    restore_all(shelf)
+def test_a_deleted_file_is_made_again(folder, restored):
+    restore_all(folder)
     restored.clear()
-    (shelf / "out" / "c" / "page.tif").unlink()
-    restore_all(shelf)
+    (folder / "out" / "c" / "page.tif").unlink()
+    restore_all(folder)
     assert restored == ["c"]
-    assert (shelf / "out" / "c" / "page.tif").exists()
+    assert (folder / "out" / "c" / "page.tif").exists()
 
 
 @pytest.mark.parametrize("left", [0, 1, 100, -1, -20])
-def test_a_journal_that_was_cut_short_costs_no_work(shelf, restored, left):
-    restore_all(shelf)
-    before = digests(shelf / "out")
+def test_a_journal_that_was_cut_short_costs_no_work(folder, restored, left):
+    restore_all(folder)
+    before = digests(folder / "out")
     restored.clear()
-    journal = shelf / "out" / ".planish" / "journal.jsonl"
+    journal = folder / "out" / ".planish" / "journal.jsonl"
     journal.write_bytes(journal.read_bytes()[:left])
-    assert restore_all(shelf).done_now == 0
+    assert restore_all(folder).done_now == 0
     assert restored == []
-    assert digests(shelf / "out") == before
+    assert digests(folder / "out") == before
     assert len(journal.read_bytes().splitlines()) == 5
 
 
-def test_a_run_that_was_killed_between_moving_and_noting_is_taken_up(shelf, restored, monkeypatch):
+def test_a_run_that_was_killed_between_moving_and_noting_is_taken_up(folder, restored, monkeypatch):
     def killed(self, entry):
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
         patch.setattr("planish.batch.journal.Journal.add", killed)
         with pytest.raises(KeyboardInterrupt):
-            restore_all(shelf)
+            restore_all(folder)
     assert restored == ["a"]
-    restore_all(shelf)
+    restore_all(folder)
     assert restored == list("abcde")
 
 
-def test_what_an_earlier_run_left_half_done_is_cleared_away(shelf, restored):
-    left = shelf / "out" / ".planish" / "work" / "1234"
+def test_what_an_earlier_run_left_half_done_is_cleared_away(folder, restored):
+    left = folder / "out" / ".planish" / "work" / "1234"
     left.mkdir(parents=True)
     (left / "page.tif").write_text("half")
-    restore_all(shelf)
+    restore_all(folder)
     assert not left.exists()
 
 
 # What ends a run
 
 
-def test_a_full_disk_ends_the_run_and_is_no_fault_of_the_scan(shelf, restored, monkeypatch):
-    def full(job, tell):
+def test_a_full_disk_ends_the_run_and_is_no_fault_of_the_scan(folder, restored, monkeypatch):
+    def full(make_job, progress):
         raise OutputError("there is no room left") from OSError(errno.ENOSPC, "No space left on device")
 
     with monkeypatch.context() as patch:
         patch.setattr("planish.batch.task.run", full)
         with pytest.raises(OutputError, match="no room left"):
-            restore_all(shelf)
-    assert not (shelf / "out" / "a").exists()
-    assert restore_all(shelf).done_now == 5
+            restore_all(folder)
+    assert not (folder / "out" / "a").exists()
+    assert restore_all(folder).done_now == 5
 
 
-def test_a_page_too_large_for_its_format_is_the_scans_own_fault(shelf, restored, monkeypatch):
-    def too_large(job, tell):
+def test_a_page_too_large_for_its_format_is_the_scans_own_fault(folder, restored, monkeypatch):
+    def too_large(make_job, progress):
         raise OutputError("a JPEG has at most 65500 pixels a side")
 
     monkeypatch.setattr("planish.batch.task.run", too_large)
-    assert restore_all(shelf).failed == 5
+    assert restore_all(folder).failed == 5
 
 
-def test_two_runs_into_one_folder_are_refused(shelf, restored):
-    restore_all(shelf)
-    with (shelf / "out" / ".planish" / "lock").open("a") as lock:
+def test_two_runs_into_one_folder_are_refused(folder, restored):
+    restore_all(folder)
+    with (folder / "out" / ".planish" / "lock").open("a") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         with pytest.raises(OutputError, match=r"is being written to by another planish batch \(process \d+ on "):
-            restore_all(shelf)
-    restore_all(shelf)
+            restore_all(folder)
+    restore_all(folder)
 
 
-def test_what_is_not_ours_is_not_touched(shelf, restored):
-    (shelf / "out" / "c").mkdir(parents=True)
-    (shelf / "out" / "c" / "mine.txt").write_text("mine")
-    with pytest.raises(OutputError, match="is in the way and was not made by planish batch"):
-        restore_all(shelf)
+def test_what_is_not_ours_is_not_touched(folder, restored):
+    (folder / "out" / "c").mkdir(parents=True)
+    (folder / "out" / "c" / "mine.txt").write_text("mine")
+    with pytest.raises(OutputError, match="exists and was not made by planish batch"):
+        restore_all(folder)
     assert restored == []
-    assert (shelf / "out" / "c" / "mine.txt").read_text() == "mine"
+    assert (folder / "out" / "c" / "mine.txt").read_text() == "mine"
 
 
 @pytest.mark.parametrize("out", ["in", "in/out", "."])
-def test_scans_and_output_may_not_lie_in_one_another(shelf, out):
+def test_scans_and_output_may_not_lie_in_one_another(folder, out):
     with pytest.raises(OutputError, match="lie in one another"):
-        batch(find_items(shelf / "in"), shelf / out, Here, ORDER)
+        batch(find_items(folder / "in"), folder / out, SynchronousPool, OPTIONS)
 
 
-def test_an_output_that_is_a_file_is_refused(shelf):
-    (shelf / "out").write_text("")
+def test_an_output_that_is_a_file_is_refused(folder):
+    (folder / "out").write_text("")
     with pytest.raises(OutputError, match="a file stands there"):
-        restore_all(shelf)
+        restore_all(folder)
 
 
-def test_an_order_that_contradicts_itself_is_refused_before_work(shelf, restored):
+def test_an_order_that_contradicts_itself_is_refused_before_work(folder, restored):
     with pytest.raises(UsageError, match="--pdfa is for PDF"):
-        restore_all(shelf, order=replace(ORDER, pdfa=True))
-    settings = replace(ORDER.settings, binarize=BinarizeSettings(binarize="none"))
+        restore_all(folder, options=replace(OPTIONS, pdfa=True))
+    settings = replace(OPTIONS.settings, binarize=BinarizeSettings(binarize="none"))
     with pytest.raises(UsageError, match="--binarize none"):
-        restore_all(shelf, order=Order(settings=settings, files=BatchFiles(binary=True)))
+        restore_all(folder, options=BatchOptions(settings=settings, files=BatchFiles(binary=True)))
     assert restored == []
 
 
 # As many at once as there is memory for
 
 
-def test_no_more_run_at_once_than_the_memory_holds(shelf, restored, monkeypatch):
-    monkeypatch.setattr("planish.batch.run.need", lambda item: 100 if item.name == "c" else 30)
+def test_no_more_run_at_once_than_the_memory_holds(folder, restored, monkeypatch):
+    monkeypatch.setattr("planish.batch.run.estimate_memory", lambda item: 100 if item.name == "c" else 30)
     most = []
 
-    class Counting(Here):
+    class Counting(SynchronousPool):
         """Ends its tasks only when it is waited for."""
 
         def submit(self, task):
@@ -289,7 +291,7 @@ def test_no_more_run_at_once_than_the_memory_holds(shelf, restored, monkeypatch)
         return {next(iter(futures))}, None
 
     monkeypatch.setattr("planish.batch.run.wait", wait)
-    batch(find_items(shelf / "in"), shelf / "out", lambda: Counting(slots=4, memory=90), ORDER)
+    batch(find_items(folder / "in"), folder / "out", lambda: Counting(slots=4, memory=90), OPTIONS)
     assert most == [["a", "b"], ["b"], ["c"], ["d", "e"], ["e"]]
 
 
@@ -320,7 +322,7 @@ def test_the_summary_is_safe_to_open_and_to_read(tmp_path):
 
 
 def test_a_long_summary_shows_the_worst_and_says_so(tmp_path, monkeypatch):
-    monkeypatch.setattr("planish.batch.summary.MOST_SHOWN", 2)
+    monkeypatch.setattr("planish.batch.summary.MAX_ROWS", 2)
     rows = [Row(name=f"scan-{k}", status="good", expected_error_mm=float(k)) for k in range(5)]
     write_summary(tmp_path, rows, [])
     html = (tmp_path / "summary.html").read_text()
@@ -336,41 +338,41 @@ def test_worst_first_by_status_then_by_error():
     assert [row.name for row in worst_first(rows)] == ["d", "c", "b", "a"]
 
 
-def test_found_without_a_folder_may_have_its_output_anywhere(shelf, restored):
-    found = Found(find_items(shelf / "in").items)
-    assert batch(found, shelf / "in" / "out", Here, ORDER).items == 5
+def test_found_without_a_folder_may_have_its_output_anywhere(folder, restored):
+    found = ScanList(find_items(folder / "in").items)
+    assert batch(found, folder / "in" / "out", SynchronousPool, OPTIONS).items == 5
 
 
 # The command
 
 
-def command(shelf, *flags):
+def command(folder, *flags):
     from planish.cli.main import run
 
-    return run(["batch", str(shelf / "in"), "-o", str(shelf / "out"), *flags])
+    return run(["batch", str(folder / "in"), "-o", str(folder / "out"), *flags])
 
 
-def test_the_exit_code_is_that_of_the_worst(shelf, restored, capsys):
-    assert command(shelf) == 3
+def test_the_exit_code_is_that_of_the_worst(folder, restored, capsys):
+    assert command(folder) == 3
     said = capsys.readouterr()
     assert said.out == ""
-    assert said.err == f"planish: 1 of 5 scans failed; {shelf}/out/summary.html says why, the worst first\n"
-    shutil.rmtree(shelf / "in" / "b")
-    assert command(shelf) == 5
-    shutil.rmtree(shelf / "in" / "e")
-    assert command(shelf, "--quiet") == 0
+    assert said.err == f"planish: 1 of 5 scans failed; {folder}/out/summary.html says why, the worst first\n"
+    shutil.rmtree(folder / "in" / "b")
+    assert command(folder) == 5
+    shutil.rmtree(folder / "in" / "e")
+    assert command(folder, "--quiet") == 0
     said = capsys.readouterr()
     assert (said.out, said.err) == ("", "")
 
 
-def test_what_is_said_when_asked(shelf, restored, capsys):
-    command(shelf, "--verbose", "--jobs", "1")
+def test_what_is_said_when_asked(folder, restored, capsys):
+    command(folder, "--verbose", "--jobs", "1")
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].startswith("a\tgood\t")
     assert lines[1].startswith("b\tfailed\t")
     assert lines[-2:] == [
         "5 scans: 2 good, 1 with warnings, 1 not settled, 1 failed; 5 done now",
-        f"written  {shelf}/out/summary.html",
+        f"written  {folder}/out/summary.html",
     ]
 
 
@@ -385,16 +387,16 @@ def test_what_is_said_when_asked(shelf, restored, capsys):
     ],
 )
 @pytest.mark.filterwarnings("default")  # Dask's own
-def test_flags_that_cannot_be(shelf, restored, capsys, flags, code, sentence):
+def test_flags_that_cannot_be(folder, restored, capsys, flags, code, sentence):
     pytest.importorskip("distributed", reason="the extra planish[dask] is not installed here")
-    assert command(shelf, *flags) == code
+    assert command(folder, *flags) == code
     assert sentence in capsys.readouterr().err
     assert restored == []
 
 
-def test_without_the_extra_the_command_ends_with_6(shelf, restored, capsys, monkeypatch):
+def test_without_the_extra_the_command_ends_with_6(folder, restored, capsys, monkeypatch):
     import sys
 
     monkeypatch.setitem(sys.modules, "distributed", None)
-    assert command(shelf, "--dask", "tcp://localhost:1") == 6
+    assert command(folder, "--dask", "tcp://localhost:1") == 6
     assert "pip install 'planish[dask]'" in capsys.readouterr().err

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from planish.batch import find_items, read_list
-from planish.batch.inputs import inputs_of
+from planish.batch.inputs import find_inputs
 from planish.batch.items import Item, safe_name
 from planish.errors import InputError
 
@@ -172,31 +172,31 @@ def test_a_change_of_any_file_that_a_scan_names_is_noticed(tmp_path, name, text,
     for file, content in {name: text, **others}.items():
         (tmp_path / file).write_text(content)
     item = Item(name="s", scan=tmp_path / name)
-    before = inputs_of(item)
-    assert {Path(stamp.path).name for stamp in before.stamps} == {name, *others}
+    before = find_inputs(item)
+    assert {Path(stamp.path).name for stamp in before.file_stamps} == {name, *others}
     for file in (name, *others):
         old = (tmp_path / file).read_text()
         (tmp_path / file).write_text(old + " ")
-        assert inputs_of(item).fingerprint() != before.fingerprint(), file
+        assert find_inputs(item).fingerprint() != before.fingerprint(), file
         (tmp_path / file).unlink()
-        assert inputs_of(item).fingerprint() != before.fingerprint(), file
+        assert find_inputs(item).fingerprint() != before.fingerprint(), file
         (tmp_path / file).write_text(old)
-    assert inputs_of(item).fingerprint() == before.fingerprint()
+    assert find_inputs(item).fingerprint() == before.fingerprint()
 
 
 def test_the_fingerprint_is_of_the_content_not_of_place_or_time(tmp_path):
     for place in ("here", "there"):
         files(tmp_path / place, "s.obj")
     os.utime(tmp_path / "there" / "s.obj", (0, 0))
-    here, there = (inputs_of(Item(name="s", scan=tmp_path / place / "s.obj")) for place in ("here", "there"))
+    here, there = (find_inputs(Item(name="s", scan=tmp_path / place / "s.obj")) for place in ("here", "there"))
     assert here.fingerprint() == there.fingerprint()
-    assert here.stamps != there.stamps
+    assert here.file_stamps != there.file_stamps
 
 
 def test_the_photo_beside_a_scan_is_used_where_the_scan_names_none(tmp_path):
     files(tmp_path, "a/s.obj", "a/photo.jpg", "a/s_camera.json", "b/s.obj", "b/s.mtl", "b/t.png", "b/s.jpg")
     (tmp_path / "b/s.obj").write_text(OBJ)
     (tmp_path / "b/s.mtl").write_text("map_Kd t.png\n")
-    a, b = (inputs_of(item) for item in find_items(tmp_path).items)
+    a, b = (find_inputs(item) for item in find_items(tmp_path).items)
     assert (a.photo, a.camera) == ((tmp_path / "a/photo.jpg",), (tmp_path / "a/s_camera.json",))
     assert b.photo == ()

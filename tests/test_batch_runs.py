@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from planish.cli.main import run
-from shelves import digests, write_small_scan
+from small_scans import digests, write_small_scan
 
 FLAGS = ["--dpi", "40", "--rotate", "0"]
 BAD = 2

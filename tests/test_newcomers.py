@@ -68,17 +68,17 @@ class TestFirstRun:
     def watched(self, monkeypatch):
         """As if a person were looking."""
         monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
-        monkeypatch.setattr(console, "LONG", 0.0)
+        monkeypatch.setattr(console, "NOTE_COMPILE_SECONDS", 0.0)
 
     def test_compiling_is_said_to_happen_once(self, monkeypatch, capsys):
         self.watched(monkeypatch)
-        with console.progress(quiet=False) as tell:
-            tell("flatten", 0.5)
+        with console.progress_bar(quiet=False) as progress:
+            progress("flatten", 0.5)
             njit(lambda x: x + 1)(1)
         assert "s of this went into compiling, which happens only once" in capsys.readouterr().err
 
     def test_where_nothing_is_compiled_nothing_is_said(self, monkeypatch, capsys):
         self.watched(monkeypatch)
-        with console.progress(quiet=False) as tell:
-            tell("flatten", 0.5)
+        with console.progress_bar(quiet=False) as progress:
+            progress("flatten", 0.5)
         assert "compiling" not in capsys.readouterr().err

@@ -14,7 +14,7 @@ from planish.gallery import sheet, virtual_scan
 from planish.io import write_scan
 from planish.job import Job, Outputs, run
 from planish.settings import RenderSettings, RestoreSettings
-from served import PATIENCE, SLOW, Server, runs
+from serve_process import PATIENCE, SLOW, Server, runs
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ import pytest
 from browser import Overheard, browser
 from planish.gallery import sheet, virtual_scan
 from planish.io import write_scan
-from served import PATIENCE, Server
+from serve_process import PATIENCE, Server
 
 WIDTHS = {"phone": (390, 844), "tablet": (768, 1024), "desk": (1440, 900)}
 

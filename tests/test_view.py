@@ -24,9 +24,9 @@ from planish.settings import RestoreSettings
 from planish.sticks import make_sticks
 from planish.types import Mesh, Outcome, Page, Scan
 from planish.view import view_page
-from planish.view.pictures import MOST_BYTES, page_pictures
-from planish.view.settling import evenly_apart, settling
-from planish.view.words import of_the_fall
+from planish.view.fall_animation import select_keyframes, simulate_fall
+from planish.view.page_layers import MAX_BYTES, page_pictures
+from planish.view.report_html import animation_caption
 from shapes import arch, grid
 
 VIEW = Path(planish.__file__).parent / "view"
@@ -254,16 +254,16 @@ def test_a_picture_full_of_noise_keeps_within_its_room(done):
     noise = np.random.default_rng(2).integers(0, 255, (2400, 2400, 3), np.uint8)
     loud = replace(done, rendered=Page(noise, np.ones(noise.shape[:2], bool), 300.0), unshaded=None, binary=None)
     (picture,) = page_pictures(loud)
-    assert len(picture.data) < MOST_BYTES
+    assert len(picture.data) < MAX_BYTES
 
 
 @pytest.mark.parametrize("outcome", Outcome)
 def test_it_says_how_the_fall_ended(done, outcome):
     mesh, _ = sheet_mesh(sheet("wave"), points=400, layout="grid")
     flat = planish.flatten(mesh)
-    fall = settling(mesh, topology(mesh.faces, len(mesh.points)), flat.page_xy, flat.size_mm)
+    fall = simulate_fall(mesh, topology(mesh.faces, len(mesh.points)), flat.page_xy, flat.size_mm)
     assert fall.outcome is Outcome.SETTLED
-    said = {end: of_the_fall(done, replace(fall, outcome=end)) for end in Outcome}
+    said = {end: animation_caption(done, replace(fall, outcome=end)) for end in Outcome}
     assert len(set(said.values())) == len(Outcome)
     assert f"{len(mesh.points)} points of the sheet" in said[outcome]
     assert "laid flat by multigrid" in said[outcome]
@@ -301,7 +301,7 @@ def test_a_sheet_that_is_turned_in_space_is_carried_whole():
 def test_kept_states_are_spread_over_the_way(most):
     way = np.cumsum(np.r_[0, np.random.default_rng(4).random(200) ** 4])
     history = (way[:, None, None] * np.ones((1, 5, 3))).astype(np.float32)
-    kept = evenly_apart(history, most)
+    kept = select_keyframes(history, most)
     assert 2 <= len(kept) <= most
     assert (kept[0], kept[-1]) == (0, 200)
     steps = np.diff(way[kept])

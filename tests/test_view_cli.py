@@ -8,7 +8,7 @@ import pytest
 from planish.cli.main import run
 from planish.gallery import sheet, virtual_scan
 from planish.io import write_scan
-from planish.job.from_report import find_again
+from planish.job.from_report import inputs_from_report
 from planish.settings import BinarizeSettings, FlattenSettings, RestoreSettings, VerletSettings
 from test_view import Document
 
@@ -70,7 +70,7 @@ def test_a_page_of_another_size_is_told_of(folder, tmp_path, capsys):
     report["page"]["width_mm"] += 5
     (tmp_path / "report.json").write_text(json.dumps(report))
     assert run(["view", str(tmp_path), "--no-open"]) == 0
-    assert "restored once more, the page is" in capsys.readouterr().err
+    assert "the page restored for this view is" in capsys.readouterr().err
 
 
 def test_settings_come_back_from_their_json(folder, tmp_path):
@@ -85,7 +85,7 @@ def test_settings_come_back_from_their_json(folder, tmp_path):
     (tmp_path / "report.json").write_text(json.dumps(report))
     for path in folder.glob("scan.*"):
         (tmp_path / path.name).write_bytes(path.read_bytes())
-    assert find_again(tmp_path).settings == wanted
+    assert inputs_from_report(tmp_path).settings == wanted
 
 
 def changed(report, **parts):

@@ -7,9 +7,9 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-import errands
+import subprocess_tasks
 from planish.errors import InputError
-from planish.job.worker import DiedError, FaultError, LimitError, Limits, StoppedError, apart
+from planish.job.worker import InternalError, LimitError, Limits, StoppedError, WorkerDiedError, run_in_subprocess
 
 
 def gone(pid):
@@ -22,49 +22,51 @@ def gone(pid):
 
 def test_work_is_done_in_another_process_with_progress():
     told = []
-    assert apart(errands.add, 1, 2, progress=lambda stage, share: told.append((stage, share))) == 3
+    assert run_in_subprocess(subprocess_tasks.add, 1, 2, progress=lambda stage, share: told.append((stage, share))) == 3
     assert told == [("adding", 0.5)]
-    pid, group = apart(errands.where)
+    pid, group = run_in_subprocess(subprocess_tasks.where)
     assert pid == group != os.getpid()  # a group of its own: Ctrl-C in the terminal does not reach it
     assert gone(pid)
 
 
 def test_several_threads_may_ask_at_once():
     with ThreadPoolExecutor(8) as threads:
-        assert list(threads.map(lambda k: apart(errands.add, k, k), range(24))) == [2 * k for k in range(24)]
+        assert list(threads.map(lambda k: run_in_subprocess(subprocess_tasks.add, k, k), range(24))) == [
+            2 * k for k in range(24)
+        ]
 
 
 def test_what_planish_refuses_there_is_refused_here_in_the_same_words():
     with pytest.raises(InputError, match=r"^scan\.obj is no scan$") as caught:
-        apart(errands.refuse)
+        run_in_subprocess(subprocess_tasks.refuse)
     assert type(caught.value) is InputError
 
 
 def test_a_fault_is_told_as_one_with_its_place():
-    with pytest.raises(FaultError, match=r"ZeroDivisionError: by nothing.*report") as caught:
-        apart(errands.fail)
-    assert "errands.py" in caught.value.trace
+    with pytest.raises(InternalError, match=r"ZeroDivisionError: by nothing.*report") as caught:
+        run_in_subprocess(subprocess_tasks.fail)
+    assert "subprocess_tasks.py" in caught.value.trace
 
 
 def test_work_beyond_its_time_is_ended():
-    with pytest.raises(LimitError, match=r"not done after 0\.5 s"):
-        apart(errands.sleep, 60, limits=Limits(seconds=0.5))
+    with pytest.raises(LimitError, match=r"time limit of 0\.5 s"):
+        run_in_subprocess(subprocess_tasks.sleep, 60, limits=Limits(seconds=0.5))
 
 
 def test_work_beyond_its_memory_is_refused_and_other_work_is_not():
     limits = Limits(memory_mb=1500)
-    assert apart(errands.fill, 400, limits=limits) == 400 * 125_000
+    assert run_in_subprocess(subprocess_tasks.fill, 400, limits=limits) == 400 * 125_000
     with pytest.raises(LimitError, match="more than 1500 MB of memory"):
-        apart(errands.fill, 4000, limits=limits)
+        run_in_subprocess(subprocess_tasks.fill, 4000, limits=limits)
 
 
 def test_a_killed_process_is_told_with_the_signal():
-    with pytest.raises(DiedError, match="by signal 9") as caught:
-        apart(errands.die)
+    with pytest.raises(WorkerDiedError, match="by signal 9") as caught:
+        run_in_subprocess(subprocess_tasks.die)
     assert caught.value.signal == signal.SIGKILL
 
 
 def test_work_can_be_stopped():
     stop = threading.Event()
     with pytest.raises(StoppedError):
-        apart(errands.sleep, 60, progress=lambda stage, share: stop.set(), stop=stop)
+        run_in_subprocess(subprocess_tasks.sleep, 60, progress=lambda stage, share: stop.set(), stop=stop)

@@ -1,21 +1,21 @@
 """Shelves of scans: every one restored into its own folder, however often the run is stopped and started again."""
 
-from planish.batch.items import Found, Item, find_items
-from planish.batch.listing import read_list
-from planish.batch.order import Order
-from planish.batch.pools import Cluster, Local, Pool
+from planish.batch.items import Item, ScanList, find_items
+from planish.batch.list_file import read_list
+from planish.batch.options import BatchOptions
+from planish.batch.pools import DaskPool, LocalPool, Pool
 from planish.batch.row import Row
 from planish.batch.run import Counts, batch
 
 __all__ = [
-    "Cluster",
+    "BatchOptions",
     "Counts",
-    "Found",
+    "DaskPool",
     "Item",
-    "Local",
-    "Order",
+    "LocalPool",
     "Pool",
     "Row",
+    "ScanList",
     "batch",
     "find_items",
     "read_list",

@@ -28,7 +28,7 @@ _MTL_IMAGE = re.compile(rb"(?im)^[ \t]*(?:map_\w+|bump|disp|decal|refl|norm)[ \t
 
 
 @dataclass(frozen=True)
-class Stamp:
+class FileStamp:
     """One file as it stood on the disk: enough to see without reading that nobody has changed it since.
 
     Attributes
@@ -46,9 +46,9 @@ class Stamp:
     changed_ns: int
     sha256: str
 
-    def still_true(self) -> bool:
+    def is_current(self) -> bool:
         """Whether the file still stands there as it did."""
-        return _state(self.path) == (self.size, self.changed_ns)
+        return _file_state(self.path) == (self.size, self.changed_ns)
 
 
 @dataclass(frozen=True)
@@ -57,99 +57,105 @@ class Inputs:
 
     Attributes
     ----------
-    stamps : tuple of Stamp
+    file_stamps : tuple of FileStamp
         The scan's own files, those that it names (also the missing ones), photos and cameras.
     photo, camera : tuple of Path
         To be given with the scan.
     """
 
-    stamps: tuple[Stamp, ...]
+    file_stamps: tuple[FileStamp, ...]
     photo: tuple[Path, ...]
     camera: tuple[Path, ...]
 
     def fingerprint(self) -> str:
         """The same for the same bytes under the same names, wherever they lie and whenever they were written."""
-        plain = json.dumps([[Path(stamp.path).name, stamp.sha256] for stamp in self.stamps])
+        plain = json.dumps([[Path(stamp.path).name, stamp.sha256] for stamp in self.file_stamps])
         return sha256(plain.encode()).hexdigest()
 
 
-def inputs_of(item: Item) -> Inputs:
+def find_inputs(item: Item) -> Inputs:
     """Find and read all files of an item; photo and camera that lie beside the scan are used if it names no photo."""
-    named = _named_by(item.scan)
+    named = _referenced_files(item.scan)
     photo, camera = item.photo, item.camera
-    has_own = any(path is not None and path.suffix.lower() in IMAGES for _, path in named) or _holds_images(item.scan)
-    if not photo and item.near_photo is not None and not has_own:
-        photo = (item.near_photo,)
-        camera = camera or (() if item.near_camera is None else (item.near_camera,))
+    has_own = any(path is not None and path.suffix.lower() in IMAGES for _, path in named) or _has_embedded_images(
+        item.scan
+    )
+    if not photo and item.nearby_photo is not None and not has_own:
+        photo = (item.nearby_photo,)
+        camera = camera or (() if item.nearby_camera is None else (item.nearby_camera,))
     own = [item.scan / name for name in _TIFXYZ] if is_tifxyz(item.scan) else [item.scan]
     paths = [*own, *(path or item.scan.parent / name for name, path in named), *photo, *camera]
-    return Inputs(tuple(_stamp(path) for path in dict.fromkeys(paths)), photo, camera)
+    return Inputs(tuple(_make_stamp(path) for path in dict.fromkeys(paths)), photo, camera)
 
 
-def _stamp(path: Path) -> Stamp:
-    size, changed_ns = _state(path)  # before it is read: a change meanwhile will be seen next time
+def _make_stamp(path: Path) -> FileStamp:
+    size, changed_ns = _file_state(path)  # before it is read: a change meanwhile will be seen next time
     try:
         digest = fingerprints([path]).popitem()[1] if size >= 0 and path.is_file() else ""
     except InputError:  # it cannot be read: whoever needs it will say so
         digest = "unreadable"
-    return Stamp(os.fspath(path), size, changed_ns, digest)
+    return FileStamp(os.fspath(path), size, changed_ns, digest)
 
 
-def _state(path: str | Path) -> tuple[int, int]:
+def _file_state(path: str | Path) -> tuple[int, int]:
     """Size and time of change. Not of modification, which copying and unpacking set back to what it was."""
     try:
-        found = Path(path).stat()
+        existing = Path(path).stat()
     except (OSError, ValueError):
         return -1, -1
-    return found.st_size, found.st_ctime_ns
+    return existing.st_size, existing.st_ctime_ns
 
 
-def _named_by(scan: Path) -> list[tuple[str, Path | None]]:
+def _referenced_files(scan: Path) -> list[tuple[str, Path | None]]:
     """Names in a mesh file, each with the file that was found for it.
 
     Rather one too many than one too few: that costs a fingerprint, and this would miss a change.
     """
-    with _content(scan) as data:
+    with _map_file(scan) as data:
         if data[:4] == b"glTF" or data[:1] == b"{" or scan.suffix.lower() == ".gltf":
-            names = _uris(data)
+            names = _gltf_uris(data)
         elif re.match(rb"ply[ \t]*[\r\n]", data):
             header = data[: data.find(b"end_header")]
-            names = [_text(name) for name in re.findall(rb"(?im)^comment[ \t]+texturefile[ \t]+([^\r\n]*)", header)]
+            names = [
+                _decode_name(name) for name in re.findall(rb"(?im)^comment[ \t]+texturefile[ \t]+([^\r\n]*)", header)
+            ]
         else:
-            return _named_by_obj(scan, data)
-    return [(name, find_beside(scan, name)) for name in dict.fromkeys(names) if _is_name(name)]
+            return _obj_references(scan, data)
+    return [(name, find_beside(scan, name)) for name in dict.fromkeys(names) if _is_valid_name(name)]
 
 
 @contextmanager
-def _content(file: Path) -> Iterator[Content]:
+def _map_file(file: Path) -> Iterator[Content]:
     """The bytes of a file without taking memory for them; none where it cannot be read."""
     with ExitStack() as stack:
         content: Content = b""
         with suppress(OSError, ValueError):  # ValueError: it is empty
-            opened = stack.enter_context(file.open("rb"))
-            content = stack.enter_context(mmap(opened.fileno(), 0, access=ACCESS_READ))
+            open_output_dir = stack.enter_context(file.open("rb"))
+            content = stack.enter_context(mmap(open_output_dir.fileno(), 0, access=ACCESS_READ))
         yield content
 
 
-def _named_by_obj(scan: Path, data: Content) -> list[tuple[str, Path | None]]:
+def _obj_references(scan: Path, data: Content) -> list[tuple[str, Path | None]]:
     named: dict[str, Path | None] = {}
     for line in re.findall(rb"mtllib[ \t]+([^\r\n]*)", data):
-        material = find_beside(scan, name) if _is_name(name := _text(line)) else None
+        material = find_beside(scan, name) if _is_valid_name(name := _decode_name(line)) else None
         named[name] = material
         if material is None:
             continue
         try:
-            images = [_text(told) for told in _MTL_IMAGE.findall(material.read_bytes())]
+            images = [_decode_name(name) for name in _MTL_IMAGE.findall(material.read_bytes())]
         except OSError:
             continue
         for image in images:  # options may stand before the name, and the name may hold spaces
-            tries = {name: find_beside(scan, name) for name in (image, image.split(" ")[-1]) if _is_name(name)}
-            found = {name: path for name, path in tries.items() if path is not None}
-            named |= found or tries
+            candidates = {
+                name: find_beside(scan, name) for name in (image, image.split(" ")[-1]) if _is_valid_name(name)
+            }
+            existing = {name: path for name, path in candidates.items() if path is not None}
+            named |= existing or candidates
     return list(named.items())
 
 
-def _uris(data: Content) -> list[str]:
+def _gltf_uris(data: Content) -> list[str]:
     """Of a glTF's buffers and images that are files of their own."""
     tree = _gltf_tree(data)
     parts = [part for key in ("buffers", "images") for part in tree.get(key) or [] if isinstance(part, dict)]
@@ -166,17 +172,17 @@ def _gltf_tree(data: Content) -> dict[str, Any]:
     return tree if isinstance(tree, dict) else {}
 
 
-def _holds_images(scan: Path) -> bool:
+def _has_embedded_images(scan: Path) -> bool:
     """Whether the images of a GLB or glTF are within it."""
     if scan.suffix.lower() not in (".glb", ".gltf"):
         return False
-    with _content(scan) as data:
+    with _map_file(scan) as data:
         return bool(_gltf_tree(data).get("images"))
 
 
-def _text(name: bytes) -> str:
+def _decode_name(name: bytes) -> str:
     return name.strip().decode("utf-8", "replace")
 
 
-def _is_name(name: str) -> bool:
+def _is_valid_name(name: str) -> bool:
     return bool(name) and "\0" not in name

@@ -18,7 +18,7 @@ SCANS = {".obj", ".ply", ".glb", ".gltf"}
 IMAGES = {".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp", ".bmp", ".jp2", ".ppm"}
 RESERVED = ("summary.html", "summary.csv", "summary.jsonl")
 """Names in the output that no item can have."""
-LONGEST_PART = 200
+MAX_NAME_BYTES = 200
 """Bytes of one part of a name: file systems take 255, and something is put before and after it."""
 
 _UNSAFE = re.compile(r'[\x00-\x1f\x7f\ud800-\udfff%\\:*?"<>|]|^[. ]|[. ]$')
@@ -36,7 +36,7 @@ class Item:
     scan : Path
     photo, camera : tuple of Path
         Given by the user: they come before what the scan's file names.
-    near_photo, near_camera : Path or None
+    nearby_photo, nearby_camera : Path or None
         That lie beside the scan; they are used where the scan's file has no photo of its own.
     units : {"auto", "mm", "cm", "m", "in"}
     """
@@ -45,13 +45,13 @@ class Item:
     scan: Path
     photo: tuple[Path, ...] = ()
     camera: tuple[Path, ...] = ()
-    near_photo: Path | None = None
-    near_camera: Path | None = None
+    nearby_photo: Path | None = None
+    nearby_camera: Path | None = None
     units: Units = "auto"
 
 
 @dataclass(frozen=True)
-class Found:
+class ScanList:
     """The items in the order of their names, what a user should know of the search, and the folder searched, if any."""
 
     items: list[Item]
@@ -59,7 +59,7 @@ class Found:
     folder: Path | None = None
 
 
-def find_items(folder: Path) -> Found:
+def find_items(folder: Path) -> ScanList:
     """Find every scan in a folder and all folders below it.
 
     A scan is named by its path without the suffix; a scan that is alone in its folder, by that folder. Where two names
@@ -90,27 +90,27 @@ def find_items(folder: Path) -> Found:
         raise InputError(f"{folder} is one scan; a folder of scans is wanted here, and planish restore takes this")
     folder = folder.absolute()  # workers elsewhere stand in other folders
     notes: list[str] = []
-    found: list[tuple[Item, str]] = []  # with the name by its whole path
-    for entries, scans, images in _folders(folder, notes):
+    named_scans: list[tuple[Item, str]] = []  # with the name by its whole path
+    for entries, scans, images in _walk_folders(folder, notes):
         for scan in scans:
-            whole = scan.relative_to(folder)
-            alone = len(scans) == 1 and scan.parent != folder and not scan.is_dir()
-            short = whole.parent if alone else whole.with_suffix("")
+            full_path = scan.relative_to(folder)
+            is_only_scan = len(scans) == 1 and scan.parent != folder and not scan.is_dir()
+            short_path = full_path.parent if is_only_scan else full_path.with_suffix("")
             photos = [image for image in images if image.stem == scan.stem] or (images if len(scans) == 1 else [])
             cameras = [scan.parent / name for name in (f"{scan.stem}_camera.json", "camera.json") if name in entries]
             item = Item(
-                name=safe_name(whole if str(short) in RESERVED else short),
+                name=safe_name(full_path if str(short_path) in RESERVED else short_path),
                 scan=scan,
-                near_photo=photos[0] if len(photos) == 1 else None,
-                near_camera=cameras[0] if cameras else None,
+                nearby_photo=photos[0] if len(photos) == 1 else None,
+                nearby_camera=cameras[0] if cameras else None,
             )
-            found.append((item, safe_name(whole)))
-    if not found:
+            named_scans.append((item, safe_name(full_path)))
+    if not named_scans:
         raise InputError(
             f"{folder} holds no scan: OBJ, PLY, GLB or glTF files or tifxyz folders are wanted in it or below it"
             + "".join(f"; {note}" for note in notes)
         )
-    return Found(sorted(_named_apart(found), key=lambda item: item.name), notes, folder)
+    return ScanList(sorted(_resolve_name_conflicts(named_scans), key=lambda item: item.name), notes, folder)
 
 
 def safe_name(path: Path | str) -> str:
@@ -121,53 +121,55 @@ def safe_name(path: Path | str) -> str:
     >>> safe_name("box 1/a:b."), safe_name("100%")
     ('box 1/a%3Ab%2E', '100%25')
     """
-    return "/".join(_safe_part(part) for part in PurePosixPath(path).parts)
+    return "/".join(_safe_component(part) for part in PurePosixPath(path).parts)
 
 
-def clashes(names: Iterable[str]) -> set[str]:
+def conflicting_names(names: Iterable[str]) -> set[str]:
     """Names that stand there twice, or that are a folder of another one.
 
     Examples
     --------
-    >>> sorted(clashes(["a", "a/b", "c", "d", "d"]))
+    >>> sorted(conflicting_names(["a", "a/b", "c", "d", "d"]))
     ['a', 'a/b', 'd']
     """
-    every = list(names)
-    known = Counter(every)
-    bad = {name for name, times in known.items() if times > 1}
-    for name in known:
-        for above in PurePosixPath(name).parents:
-            if str(above) in known:
-                bad |= {name, str(above)}
-    return bad
+    all_names = list(names)
+    counts = Counter(all_names)
+    conflicts = {name for name, times in counts.items() if times > 1}
+    for name in counts:
+        for ancestors in PurePosixPath(name).parents:
+            if str(ancestors) in counts:
+                conflicts |= {name, str(ancestors)}
+    return conflicts
 
 
-def _safe_part(part: str) -> str:
-    def marked(unsafe: re.Match[str]) -> str:
+def _safe_component(part: str) -> str:
+    def percent_encoded(unsafe: re.Match[str]) -> str:
         return "".join(f"%{byte:02X}" for byte in os.fsencode(unsafe[0]))
 
-    safe = _UNSAFE.sub(marked, part)
-    if len(safe.encode()) <= LONGEST_PART:
+    safe = _UNSAFE.sub(percent_encoded, part)
+    if len(safe.encode()) <= MAX_NAME_BYTES:
         return safe
-    return safe.encode()[: LONGEST_PART - 20].decode(errors="ignore") + "~" + sha256(os.fsencode(part)).hexdigest()[:16]
+    return (
+        safe.encode()[: MAX_NAME_BYTES - 20].decode(errors="ignore") + "~" + sha256(os.fsencode(part)).hexdigest()[:16]
+    )
 
 
-def _named_apart(found: list[tuple[Item, str]]) -> list[Item]:
+def _resolve_name_conflicts(named_scans: list[tuple[Item, str]]) -> list[Item]:
     """The items by their short names, those that clash by their whole ones."""
-    items = [item for item, _ in found]
-    while bad := clashes(item.name for item in items):
+    items = [item for item, _ in named_scans]
+    while conflicts := conflicting_names(item.name for item in items):
         items = [
-            replace(item, name=whole) if item.name in bad else item
-            for item, (_, whole) in zip(items, found, strict=True)
+            replace(item, name=full_path) if item.name in conflicts else item
+            for item, (_, full_path) in zip(items, named_scans, strict=True)
         ]
     return items
 
 
-def _folders(top: Path, notes: list[str]) -> Iterator[tuple[set[str], list[Path], list[Path]]]:
+def _walk_folders(top: Path, notes: list[str]) -> Iterator[tuple[set[str], list[Path], list[Path]]]:
     """Of every folder: the names in it, the scans and the images."""
-    waiting: list[tuple[Path, frozenset[tuple[int, int]]]] = [(top, frozenset())]
-    while waiting:
-        folder, above = waiting.pop()
+    pending: list[tuple[Path, frozenset[tuple[int, int]]]] = [(top, frozenset())]
+    while pending:
+        folder, ancestors = pending.pop()
         try:
             entries = sorted((e for e in os.scandir(folder) if not e.name.startswith(".")), key=lambda e: e.name)
             here = folder.stat()
@@ -176,8 +178,8 @@ def _folders(top: Path, notes: list[str]) -> Iterator[tuple[set[str], list[Path]
         except OSError as problem:
             notes.append(f"{folder} was left out, as it cannot be read: {problem.strerror}")
             continue
-        mark = (here.st_dev, here.st_ino)
-        if mark in above:
+        folder_id = (here.st_dev, here.st_ino)
+        if folder_id in ancestors:
             notes.append(f"{folder} was left out: it is a link to a folder that it lies in")
             continue
         scans, images = [], []
@@ -187,7 +189,7 @@ def _folders(top: Path, notes: list[str]) -> Iterator[tuple[set[str], list[Path]
                 if is_tifxyz(path):
                     scans.append(path)
                 else:
-                    waiting.append((path, above | {mark}))
+                    pending.append((path, ancestors | {folder_id}))
             elif path.suffix.lower() in SCANS and (entry.is_file() or entry.is_symlink()):
                 scans.append(path)
             elif path.suffix.lower() in IMAGES and entry.is_file():

@@ -13,9 +13,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from planish.batch.inputs import Stamp
+from planish.batch.inputs import FileStamp
 from planish.batch.items import Item
-from planish.batch.row import Row, row_from
+from planish.batch.row import Row, row_from_json
 from planish.io.files import telling, write_bytes
 
 
@@ -26,28 +26,32 @@ class Entry:
     Attributes
     ----------
     row : Row
-    given : list
+    item_as_json : list
         What the user gave, or what lay beside the scan.
-    order, inputs : str
+    options, inputs : str
         Fingerprints of the order and of the content of the files: where both are the same, nothing is to be done.
-    stamps : tuple of Stamp
+    file_stamps : tuple of FileStamp
         Of these files.
     """
 
     row: Row
-    given: list[Any]
-    order: str
+    item: list[Any]
+    options: str
     inputs: str
-    stamps: tuple[Stamp, ...]
+    file_stamps: tuple[FileStamp, ...]
 
-    def holds(self, item: Item, order: str) -> bool:
+    def is_current(self, item: Item, options: str) -> bool:
         """Whether nothing has changed since, as far as can be seen without reading the files."""
-        return self.order == order and self.given == given(item) and all(stamp.still_true() for stamp in self.stamps)
+        return (
+            self.options == options
+            and self.item == item_as_json(item)
+            and all(stamp.is_current() for stamp in self.file_stamps)
+        )
 
 
-def given(item: Item) -> list[Any]:
+def item_as_json(item: Item) -> list[Any]:
     """An item's files and unit as plain JSON."""
-    near = [None if path is None else os.fspath(path) for path in (item.near_photo, item.near_camera)]
+    near = [None if path is None else os.fspath(path) for path in (item.nearby_photo, item.nearby_camera)]
     return [os.fspath(item.scan), [*map(os.fspath, item.photo)], [*map(os.fspath, item.camera)], *near, item.units]
 
 
@@ -72,9 +76,9 @@ class Journal:
 
     def __enter__(self) -> Journal:
         lines = self.path.read_bytes().split(b"\n") if self.path.exists() else []
-        self.entries = {entry.row.name: entry for line in lines if (entry := _entry(line))}
+        self.entries = {entry.row.name: entry for line in lines if (entry := _parse_line(line))}
         if len(lines) != len(self.entries) + 1:  # entries that were followed by others, or a line that was cut short
-            write_bytes(self.path, (_line(entry) for entry in self.entries.values()))
+            write_bytes(self.path, (_format_line(entry) for entry in self.entries.values()))
         with telling(self.path):
             self._file = self.path.open("ab")
         return self
@@ -85,22 +89,22 @@ class Journal:
     def add(self, entry: Entry) -> None:
         """Note an entry; when this returns, it is on the disk."""
         with telling(self.path):
-            self._file.write(_line(entry))
+            self._file.write(_format_line(entry))
             self._file.flush()
             os.fsync(self._file.fileno())
         self.entries[entry.row.name] = entry
 
 
-def _line(entry: Entry) -> bytes:
+def _format_line(entry: Entry) -> bytes:
     plain = {**asdict(entry), "row": entry.row.plain()}
     return json.dumps(plain, separators=(",", ":"), allow_nan=False).encode() + b"\n"
 
 
-def _entry(line: bytes) -> Entry | None:
+def _parse_line(line: bytes) -> Entry | None:
     try:
         plain = json.loads(line)
-        row = row_from(plain["row"])
-        stamps = tuple(Stamp(**stamp) for stamp in plain["stamps"])
-        return None if row is None else Entry(row, plain["given"], plain["order"], plain["inputs"], stamps)
+        row = row_from_json(plain["row"])
+        file_stamps = tuple(FileStamp(**stamp) for stamp in plain["file_stamps"])
+        return None if row is None else Entry(row, plain["item"], plain["options"], plain["inputs"], file_stamps)
     except (ValueError, TypeError, KeyError):
         return None

@@ -11,26 +11,26 @@ from PIL import Image
 from planish.batch.items import Item
 from planish.memory import free_bytes
 
-_PROCESS = 0.5e9
-_PER_BYTE_OF_TEXT, _PER_BYTE_OF_NUMBERS = 8.0, 25.0
-_PER_PHOTO_PIXEL = 20.0
+_BYTES_PER_PROCESS = 0.5e9
+_BYTES_PER_TEXT_BYTE, _BYTES_PER_BINARY_BYTE = 8.0, 25.0
+_BYTES_PER_PHOTO_PIXEL = 20.0
 """Bytes: about twice what benchmarks/batch.py measures, for a mesh as OBJ and as anything else."""
 _UNKNOWN_PHOTO_PIXELS = 24e6
-_SHARE = 0.8
+_FREE_MEMORY_FRACTION = 0.8
 """Of what is free now: other programs want some, and needs are estimates."""
 
 
-def need(item: Item) -> float:
+def estimate_memory(item: Item) -> float:
     """Bytes of memory that the restoration of an item takes, from the sizes of its files: an upper guess."""
-    photos = item.photo or ((item.near_photo,) if item.near_photo else ())
+    photos = item.photo or ((item.nearby_photo,) if item.nearby_photo else ())
     pixels = sum(map(_pixels, photos)) if photos else _UNKNOWN_PHOTO_PIXELS
-    per_byte = _PER_BYTE_OF_TEXT if item.scan.suffix.lower() == ".obj" else _PER_BYTE_OF_NUMBERS
-    return _PROCESS + per_byte * sum(_sizes(item.scan)) + _PER_PHOTO_PIXEL * pixels
+    per_byte = _BYTES_PER_TEXT_BYTE if item.scan.suffix.lower() == ".obj" else _BYTES_PER_BINARY_BYTE
+    return _BYTES_PER_PROCESS + per_byte * sum(_sizes(item.scan)) + _BYTES_PER_PHOTO_PIXEL * pixels
 
 
-def available() -> float:
+def memory_budget() -> float:
     """Bytes that all items together may take."""
-    return _SHARE * free_bytes()
+    return _FREE_MEMORY_FRACTION * free_bytes()
 
 
 def _sizes(scan: Path) -> Iterator[int]:

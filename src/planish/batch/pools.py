@@ -13,12 +13,12 @@ from math import isfinite
 from pathlib import Path
 from typing import Any, Protocol
 
-from planish.batch.memory import available
-from planish.batch.task import Made, Task, attempt
+from planish.batch.memory import memory_budget
+from planish.batch.task import Task, TaskResult, run_task
 from planish.errors import InputError, MissingExtraError, OutputError, PlanishError
 from planish.version import __version__
 
-_AHEAD = 2
+_TASKS_PER_SLOT = 2
 """Tasks that a cluster is given per slot, so that none waits for us."""
 
 
@@ -36,17 +36,17 @@ class Pool(Protocol):
     slots: int
     memory: float
 
-    def submit(self, task: Task) -> Future[Made]:
+    def submit(self, task: Task) -> Future[TaskResult]:
         """Begin a task, or queue it."""
 
     def close(self) -> None:
         """Stop what is under way."""
 
-    def abandon(self) -> None:
+    def kill(self) -> None:
         """End what is under way without waiting, for a program that is about to end in the middle of it."""
 
 
-class Local:
+class LocalPool:
     """Processes of this machine.
 
     Parameters
@@ -58,23 +58,23 @@ class Local:
     def __init__(self, jobs: int | None = None) -> None:
         cores = len(os.sched_getaffinity(0))
         self.slots = jobs or cores
-        self.memory = available()
+        self.memory = memory_budget()
         self._threads = max(1, cores // self.slots)
         self._pool = ThreadPoolExecutor(self.slots)
         self._stop = threading.Event()
 
-    def submit(self, task: Task) -> Future[Made]:
+    def submit(self, task: Task) -> Future[TaskResult]:
         """Begin a task, or queue it."""
-        most = self.memory / 1e6 if isfinite(self.memory) else None
-        limits = replace(task.limits, threads=self._threads, memory_mb=most)
-        return self._pool.submit(attempt, replace(task, limits=limits), self._stop)
+        memory_mb = self.memory / 1e6 if isfinite(self.memory) else None
+        limits = replace(task.limits, threads=self._threads, memory_mb=memory_mb)
+        return self._pool.submit(run_task, replace(task, limits=limits), self._stop)
 
     def close(self) -> None:
         """Stop what is under way."""
         self._stop.set()
         self._pool.shutdown(cancel_futures=True)
 
-    def abandon(self) -> None:
+    def kill(self) -> None:
         """End what is under way without waiting; the processes would notice by themselves, but seconds later."""
         if self._stop.is_set():
             return
@@ -85,7 +85,7 @@ class Local:
                     os.killpg(process.pid, signal.SIGKILL)
 
 
-class Cluster:
+class DaskPool:
     """A Dask cluster whose workers see the same files under the same paths.
 
     Parameters
@@ -106,44 +106,44 @@ class Cluster:
     """
 
     def __init__(self, address: str, folder: Path) -> None:
-        self._client = _connected(address)
+        self._client = _connect(address)
         self._check_workers(address, folder)
-        self.slots = _AHEAD * sum(self._client.nthreads().values())
+        self.slots = _TASKS_PER_SLOT * sum(self._client.nthreads().values())
         self.memory = float("inf")
         self._executor: Executor = self._client.get_executor(pure=False)
 
-    def submit(self, task: Task) -> Future[Made]:
+    def submit(self, task: Task) -> Future[TaskResult]:
         """Queue a task; Dask gives it to another worker where one is lost."""
-        answer: Future[Made] = Future()
-        asked = self._executor.submit(_attempt_in_dask, replace(task, limits=replace(task.limits, threads=1)))
-        asked.add_done_callback(lambda told: _pass_on(told, answer))
-        return answer
+        target: Future[TaskResult] = Future()
+        dask_future = self._executor.submit(_run_task_in_dask, replace(task, limits=replace(task.limits, threads=1)))
+        dask_future.add_done_callback(lambda source: _copy_result(source, target))
+        return target
 
     def close(self) -> None:
         """Take leave of the cluster, which may still finish what it has begun."""
         with suppress(OSError, TimeoutError):
             self._client.close(timeout=1)
 
-    def abandon(self) -> None:
+    def kill(self) -> None:
         """Nothing: Dask takes back what nobody waits for."""
 
     def _check_workers(self, address: str, folder: Path) -> None:
-        seen = self._client.run(_seen_by_worker, os.fspath(folder.resolve()))
-        if not seen:
+        info = self._client.run(_worker_info, os.fspath(folder.resolve()))
+        if not info:
             raise InputError(f"the Dask scheduler at {address} has no workers; start some: dask worker {address}")
-        for worker, (version, sees) in seen.items():
+        for worker, (version, sees_folder) in info.items():
             if version != __version__:
                 raise InputError(
                     f"the Dask worker {worker} has planish {version}, and here is {__version__}; make them one"
                 )
-            if not sees:
+            if not sees_folder:
                 raise OutputError(
                     f"the Dask worker {worker} does not see {folder.resolve()}; all workers need the same file system "
                     "under the same path"
                 )
 
 
-def _connected(address: str) -> Any:
+def _connect(address: str) -> Any:
     try:
         from distributed import Client
     except ImportError:
@@ -157,25 +157,25 @@ def _connected(address: str) -> Any:
         raise InputError(f"no Dask scheduler answers at {address}: {reason[:200]}; start one: dask scheduler") from None
 
 
-def _pass_on(told: Future[Made], answer: Future[Made]) -> None:
+def _copy_result(source: Future[TaskResult], target: Future[TaskResult]) -> None:
     """What Dask answers; where it gives up, a sentence."""
-    problem = CancelledError() if told.cancelled() else told.exception()
+    problem = CancelledError() if source.cancelled() else source.exception()
     if problem is None:
-        answer.set_result(told.result())
+        target.set_result(source.result())
     elif isinstance(problem, PlanishError):
-        answer.set_exception(problem)
+        target.set_exception(problem)
     else:
         reason = " ".join(f"{type(problem).__name__} {problem}".split())[:200]
-        answer.set_exception(
+        target.set_exception(
             InputError(f"the Dask cluster gave up ({reason}); look after it and run the same again: what is done stays")
         )
 
 
-def _seen_by_worker(folder: str) -> tuple[str, bool]:
+def _worker_info(folder: str) -> tuple[str, bool]:
     return __version__, Path(folder).is_dir()
 
 
-def _attempt_in_dask(task: Task) -> Made:
+def _run_task_in_dask(task: Task) -> TaskResult:
     # Dask's workers are daemons to multiprocessing, which lets these have no processes; ours end with their parent
     multiprocessing.current_process().daemon = False
-    return attempt(task)
+    return run_task(task)

@@ -9,9 +9,9 @@ from typing import Any, Literal
 from planish.types import Report
 
 Status = Literal["failed", "not settled", "warnings", "good"]
-ORDER: tuple[Status, ...] = ("failed", "not settled", "warnings", "good")
+STATUSES: tuple[Status, ...] = ("failed", "not settled", "warnings", "good")
 """From worst to best."""
-TIMES = ("seconds", "cpu_seconds", "peak_mb")
+VARYING_FIELDS = ("seconds", "cpu_seconds", "peak_mb")
 """Of a row: what is not the same in every run."""
 
 
@@ -65,7 +65,9 @@ class Row:
         }
 
 
-def row_of(name: str, report: Report, files: list[str], *, seconds: float, cpu_seconds: float, peak_mb: float) -> Row:
+def row_from_report(
+    name: str, report: Report, files: list[str], *, seconds: float, cpu_seconds: float, peak_mb: float
+) -> Row:
     """The row of an item that has a page."""
     flat, page = report.flatten, report.page
     return Row(
@@ -90,7 +92,7 @@ def row_of(name: str, report: Report, files: list[str], *, seconds: float, cpu_s
     )
 
 
-def row_from(plain: dict[str, Any]) -> Row | None:
+def row_from_json(plain: dict[str, Any]) -> Row | None:
     """A row from its JSON; None where it is none."""
     try:
         return Row(**plain)
@@ -107,4 +109,4 @@ def worst_first(rows: list[Row]) -> list[Row]:
     >>> [row.name for row in worst_first(rows)]
     ['b', 'c', 'a']
     """
-    return sorted(rows, key=lambda row: (ORDER.index(row.status), -(row.expected_error_mm or 0.0), row.name))
+    return sorted(rows, key=lambda row: (STATUSES.index(row.status), -(row.expected_error_mm or 0.0), row.name))

@@ -16,15 +16,15 @@ from urllib.parse import quote
 
 from PIL import Image
 
-from planish.batch.row import ORDER, Row, worst_first
+from planish.batch.row import STATUSES, Row, worst_first
 from planish.io.files import write_bytes
 
-MOST_SHOWN = 3000
+MAX_ROWS = 3000
 """Rows of summary.html, the worst ones: more make a browser slow. The other two files have all."""
 _PICTURE_PX = 120
-_CLASSES = {"failed": "failed", "not settled": "unsettled", "warnings": "warnings", "good": "good"}
-_WORDS = {"failed": "failed", "not settled": "not settled", "warnings": "with warnings", "good": "good"}
-_NUMBERS = (
+_CSS_CLASSES = {"failed": "failed", "not settled": "unsettled", "warnings": "warnings", "good": "good"}
+_STATUS_LABELS = {"failed": "failed", "not settled": "not settled", "warnings": "with warnings", "good": "good"}
+_NUMBER_COLUMNS = (
     ("Expected error, mm", "expected_error_mm", "{:.3f}", 1.0),
     ("Width, mm", "width_mm", "{:.0f}", 1.0),
     ("Height, mm", "height_mm", "{:.0f}", 1.0),
@@ -75,11 +75,11 @@ def _csv(rows: list[Row]) -> bytes:
 
 def _html(folder: Path, rows: list[Row], notes: list[str], scans: Path | None) -> str:
     template = Template(files("planish.batch").joinpath("summary.html").read_text("utf-8"))
-    counts = {status: sum(row.status == status for row in rows) for status in ORDER}
-    said = ", ".join(f"{count:,} {_WORDS[status]}" for status, count in counts.items() if count)
-    lead = f"{len(rows):,} items: {said}."
-    if len(rows) > MOST_SHOWN:
-        lead += f" The worst {MOST_SHOWN:,} are shown; summary.csv and summary.jsonl have all."
+    counts = {status: sum(row.status == status for row in rows) for status in STATUSES}
+    status_counts = ", ".join(f"{count:,} {_STATUS_LABELS[status]}" for status, count in counts.items() if count)
+    lead = f"{len(rows):,} items: {status_counts}."
+    if len(rows) > MAX_ROWS:
+        lead += f" The worst {MAX_ROWS:,} are shown; summary.csv and summary.jsonl have all."
     return template.substitute(
         title=escape(f"{folder.resolve().name}: all scans"),
         lead=escape(lead),
@@ -87,55 +87,55 @@ def _html(folder: Path, rows: list[Row], notes: list[str], scans: Path | None) -
             ['<ul class="notes">', "</ul>"] if notes else ["", ""]
         ),
         filters="\n".join(
-            f'<label class="{_CLASSES[status]}"><input type="checkbox" value="{status}" checked>'
-            f"{_WORDS[status]} {count:,}</label>"
+            f'<label class="{_CSS_CLASSES[status]}"><input type="checkbox" value="{status}" checked>'
+            f"{_STATUS_LABELS[status]} {count:,}</label>"
             for status, count in counts.items()
             if count
         ),
-        heads="\n".join(_heads()),
-        rows="\n".join(_row(folder, row, f"{scans}/") for row in rows[:MOST_SHOWN]),
+        heads="\n".join(_header_cells()),
+        rows="\n".join(_row(folder, row, f"{scans}/") for row in rows[:MAX_ROWS]),
     )
 
 
-def _heads() -> Iterator[str]:
+def _header_cells() -> Iterator[str]:
     for title, kind in (("Name", "name"), ("Status", "status"), ("What was found", "what")):
         yield f'<th scope="col" class="{kind}"><button type="button">{title}</button></th>'
-    for title, *_ in _NUMBERS:
+    for title, *_ in _NUMBER_COLUMNS:
         yield f'<th scope="col" class="number"><button type="button">{title}</button></th>'
 
 
-def _row(folder: Path, row: Row, place: str) -> str:
+def _row(folder: Path, row: Row, scans_folder: str) -> str:
     pages = [name for name in row.files if name.startswith("page")]
     page = "page.html" if "page.html" in pages else next(iter(pages), None)
-    picture = _picture(folder / row.name / "preview.jpg", row.name)
+    picture = _embedded_preview(folder / row.name / "preview.jpg", row.name)
     cells = [f'<td class="picture">{_link(row, page, picture) if page else picture}</td>']
     cells.append(f'<th scope="row">{_link(row, page, escape(row.name)) if page else escape(row.name)}</th>')
-    rank = ORDER.index(row.status)
-    cells.append(f'<td data-value="{rank}"><span class="status {_CLASSES[row.status]}">{row.status}</span></td>')
-    cells.append(f'<td class="what">{_told(row, place)}</td>')
-    for title, name, form, factor in _NUMBERS:
+    rank = STATUSES.index(row.status)
+    cells.append(f'<td data-value="{rank}"><span class="status {_CSS_CLASSES[row.status]}">{row.status}</span></td>')
+    cells.append(f'<td class="what">{_details_cell(row, scans_folder)}</td>')
+    for title, name, form, factor in _NUMBER_COLUMNS:
         value = getattr(row, name)
         shown = "" if value is None else form.format(factor * value)
         cells.append(f'<td class="number" data-label="{title}" data-value="{shown}">{shown}</td>')
     return f'<tr data-status="{row.status}">{"".join(cells)}</tr>'
 
 
-def _told(row: Row, place: str) -> str:
+def _details_cell(row: Row, scans_folder: str) -> str:
     """What is worth saying of an item, without the place of all scans, and links to its files."""
-    said = escape(row.sentence.replace(place, "")) if row.status in ("failed", "not settled") else ""
+    status_counts = escape(row.sentence.replace(scans_folder, "")) if row.status in ("failed", "not settled") else ""
     if row.warnings:
-        said += "".join(f"<li>{escape(warning.replace(place, ''))}</li>" for warning in row.warnings).join(
-            ["<ul>", "</ul>"]
-        )
+        status_counts += "".join(
+            f"<li>{escape(warning.replace(scans_folder, ''))}</li>" for warning in row.warnings
+        ).join(["<ul>", "</ul>"])
     links = " ".join(_link(row, name, escape(name)) for name in row.files if name != "preview.jpg")
-    return said + (f"<p>{links}</p>" if links else "")
+    return status_counts + (f"<p>{links}</p>" if links else "")
 
 
 def _link(row: Row, file: str, shown: str) -> str:
     return f'<a href="{escape(quote(f"{row.name}/{file}"))}">{shown}</a>'
 
 
-def _picture(preview: Path, name: str) -> str:
+def _embedded_preview(preview: Path, name: str) -> str:
     """A small picture of the page within the summary itself, so that it can be sent around alone."""
     try:
         with Image.open(preview) as image:

@@ -9,20 +9,20 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
 
-from planish.batch.inputs import Inputs, inputs_of
+from planish.batch.inputs import Inputs, find_inputs
 from planish.batch.items import Item
-from planish.batch.journal import Entry, given
-from planish.batch.order import Order
+from planish.batch.journal import Entry, item_as_json
+from planish.batch.options import BatchOptions
+from planish.batch.output_dir import write_record
 from planish.batch.preview import write_preview
-from planish.batch.row import Row, row_of
-from planish.batch.shelf import write_record
+from planish.batch.row import Row, row_from_report
 from planish.errors import OutputError, PlanishError
 from planish.job import run
-from planish.job.worker import DiedError, Limits, apart
+from planish.job.worker import Limits, WorkerDiedError, run_in_subprocess
 from planish.pipeline import Progress
 
 
-class NoRoomError(OutputError):
+class BatchAbortError(OutputError):
     """The disk or the system refused: this is no item's fault, and ends the run."""
 
 
@@ -33,53 +33,53 @@ class Task:
     Attributes
     ----------
     item : Item
-    order : Order
-    work : Path
+    options : BatchOptions
+    work_dir : Path
         Where to make the item's folder.
-    known : Entry or None
+    previous : Entry or None
         What stands in place; it is kept where it was made from the same bytes in the same order.
     limits : Limits
     """
 
     item: Item
-    order: Order
-    work: Path
-    known: Entry | None
+    options: BatchOptions
+    work_dir: Path
+    previous: Entry | None
     limits: Limits
 
 
 @dataclass(frozen=True)
-class Made:
+class TaskResult:
     """What a worker gives back: the entry, and the folder to be moved to its place (None: what stands there holds)."""
 
     entry: Entry
     folder: Path | None
 
 
-def attempt(task: Task, stop: threading.Event | None = None) -> Made:
+def run_task(task: Task, stop: threading.Event | None = None) -> TaskResult:
     """Do an item in a process of its own; whatever happens to that becomes an entry.
 
     A process that was ended from outside gets a second try.
 
     Raises
     ------
-    NoRoomError
+    BatchAbortError
         Where the disk or the system refuses.
     """
     for tries_left in (1, 0):
         try:
-            return apart(restore_item, task, limits=task.limits, stop=stop)
-        except NoRoomError:
+            return run_in_subprocess(restore_item, task, limits=task.limits, stop=stop)
+        except BatchAbortError:
             raise
         except OSError as problem:  # no more processes, no more files
-            raise NoRoomError(f"{task.item.name} could not be begun: {problem.strerror or problem}") from problem
+            raise BatchAbortError(f"{task.item.name} could not be begun: {problem.strerror or problem}") from problem
         except PlanishError as problem:
-            if not (tries_left and isinstance(problem, DiedError)):
-                return _failed(task, problem)
+            if not (tries_left and isinstance(problem, WorkerDiedError)):
+                return _failed_result(task, problem)
     raise AssertionError("the second try returns or raises")
 
 
-def restore_item(task: Task, tell: Progress) -> Made:
+def restore_item(task: Task, progress: Progress) -> TaskResult:
     """Restore one item into a new folder, unless what stands in place was made from the same.
 
     Raises
@@ -88,53 +88,53 @@ def restore_item(task: Task, tell: Progress) -> Made:
         As `planish.job.run` does.
     """
     start = perf_counter()
-    inputs = inputs_of(task.item)
-    if task.known is not None and (task.known.order, task.known.inputs) == _fingerprints(task, inputs):
-        return Made(replace(task.known, given=given(task.item), stamps=inputs.stamps), None)
+    inputs = find_inputs(task.item)
+    if task.previous is not None and (task.previous.options, task.previous.inputs) == _fingerprints(task, inputs):
+        return TaskResult(replace(task.previous, item=item_as_json(task.item), file_stamps=inputs.file_stamps), None)
     folder = _new_folder(task)
     try:
-        done = run(task.order.job(task.item, folder, inputs.photo, inputs.camera), tell)
-        page = next(path for path in done.written if path.stem.startswith("page"))
+        result = run(task.options.make_job(task.item, folder, inputs.photo, inputs.camera), progress)
+        page = next(path for path in result.written if path.stem.startswith("page"))
         write_preview(folder / "preview.jpg", page)
     except OutputError as problem:
         if isinstance(problem.__cause__, OSError):
-            raise NoRoomError(str(problem)) from problem
+            raise BatchAbortError(str(problem)) from problem
         raise
-    used, helpers = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
-    row = row_of(
+    own_usage, child_usage = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    row = row_from_report(
         task.item.name,
-        done.report,
+        result.report,
         sorted(path.name for path in folder.iterdir()),
         seconds=perf_counter() - start,
-        cpu_seconds=used.ru_utime + used.ru_stime + helpers.ru_utime + helpers.ru_stime,
-        peak_mb=used.ru_maxrss * 1024 / 1e6,
+        cpu_seconds=own_usage.ru_utime + own_usage.ru_stime + child_usage.ru_utime + child_usage.ru_stime,
+        peak_mb=own_usage.ru_maxrss * 1024 / 1e6,
     )
-    return _recorded(task, inputs, row, folder)
+    return _record_result(task, inputs, row, folder)
 
 
-def _failed(task: Task, problem: PlanishError) -> Made:
-    inputs = inputs_of(task.item)
-    row = Row(name=task.item.name, status="failed", sentence=str(problem), again=isinstance(problem, DiedError))
-    return _recorded(task, inputs, row, _new_folder(task))
+def _failed_result(task: Task, problem: PlanishError) -> TaskResult:
+    inputs = find_inputs(task.item)
+    row = Row(name=task.item.name, status="failed", sentence=str(problem), again=isinstance(problem, WorkerDiedError))
+    return _record_result(task, inputs, row, _new_folder(task))
 
 
-def _recorded(task: Task, inputs: Inputs, row: Row, folder: Path) -> Made:
-    entry = Entry(row, given(task.item), *_fingerprints(task, inputs), inputs.stamps)
+def _record_result(task: Task, inputs: Inputs, row: Row, folder: Path) -> TaskResult:
+    entry = Entry(row, item_as_json(task.item), *_fingerprints(task, inputs), inputs.file_stamps)
     try:
         write_record(folder, entry)
     except OutputError as problem:
-        raise NoRoomError(str(problem)) from problem
-    return Made(entry, folder)
+        raise BatchAbortError(str(problem)) from problem
+    return TaskResult(entry, folder)
 
 
 def _fingerprints(task: Task, inputs: Inputs) -> tuple[str, str]:
-    return task.order.fingerprint(), inputs.fingerprint()
+    return task.options.fingerprint(), inputs.fingerprint()
 
 
 def _new_folder(task: Task) -> Path:
-    folder = task.work / secrets.token_hex(8)
+    folder = task.work_dir / secrets.token_hex(8)
     try:
         folder.mkdir(parents=True)
     except OSError as problem:
-        raise NoRoomError(f"{folder} cannot be made: {problem.strerror}") from problem
+        raise BatchAbortError(f"{folder} cannot be made: {problem.strerror}") from problem
     return folder

@@ -8,7 +8,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from planish.cli.options import Output, Quiet, Verbose
-from planish.cli.restore_options import Flags, Walk
+from planish.cli.restore_options import Flags, RestoreOptions
 from planish.settings import BatchFiles
 
 Switch = Parameter(negative="")
@@ -24,7 +24,7 @@ def batch(
     timeout: float = 1800.0,
     retry: Annotated[bool, Switch] = False,
     files: Annotated[BatchFiles, Parameter(name="*", negative="")] = BatchFiles(),
-    walk: Annotated[Walk, Flags] = Walk(),
+    restore_options: Annotated[RestoreOptions, Flags] = RestoreOptions(),
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> bool:
@@ -54,9 +54,9 @@ def batch(
     verbose
         Print a line for every scan, and the count when the output is piped.
     """
-    from planish.batch import Cluster, Local, Order, find_items, read_list
+    from planish.batch import BatchOptions, DaskPool, LocalPool, find_items, read_list
     from planish.batch import batch as restore_all
-    from planish.cli.batch_console import following, say_counts
+    from planish.cli.batch_console import print_counts, progress_bar
     from planish.errors import InputError, UsageError
 
     if jobs is not None and dask is not None:
@@ -65,19 +65,21 @@ def batch(
         raise UsageError(f"--jobs must be at least 1, not {jobs}")
     if not timeout > 0:
         raise UsageError(f"--timeout must be greater than 0 seconds, not {timeout:g}")
-    found = read_list(scans) if scans.is_file() else find_items(scans)
-    order = Order(settings=walk.settings(), files=files, pdfa=walk.pdfa, ocr=walk.ocr)
-    with following(len(found.items), quiet=quiet, verbose=verbose) as tell:
+    scan_list = read_list(scans) if scans.is_file() else find_items(scans)
+    options = BatchOptions(
+        settings=restore_options.settings(), files=files, pdfa=restore_options.pdfa, ocr=restore_options.ocr
+    )
+    with progress_bar(len(scan_list.items), quiet=quiet, verbose=verbose) as progress:
         counts = restore_all(
-            found,
+            scan_list,
             output,
-            (lambda: Local(jobs)) if dask is None else (lambda: Cluster(dask, output)),
-            order,
+            (lambda: LocalPool(jobs)) if dask is None else (lambda: DaskPool(dask, output)),
+            options,
             retry=retry,
             seconds=timeout,
-            tell=tell,
+            progress=progress,
         )
-    say_counts(counts, found.notes, quiet=quiet, verbose=verbose)
+    print_counts(counts, scan_list.notes, quiet=quiet, verbose=verbose)
     if counts.failed:
         raise InputError(f"{counts.failed} of {counts.items} scans failed; {counts.summary} says why, the worst first")
     return not counts.not_settled

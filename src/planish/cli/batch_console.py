@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 @contextmanager
-def following(count: int, *, quiet: bool, verbose: bool) -> Iterator[Callable[[Row, int, int], None]]:
+def progress_bar(count: int, *, quiet: bool, verbose: bool) -> Iterator[Callable[[Row, int, int], None]]:
     """A bar on stderr with rate and time left, when a person is looking; a line an item on stdout, when asked for."""
     with Progress(
         TextColumn("{task.description}"),
@@ -28,20 +28,22 @@ def following(count: int, *, quiet: bool, verbose: bool) -> Iterator[Callable[[R
         console=Console(stderr=True),
         transient=True,
         disable=quiet or not sys.stderr.isatty(),
-    ) as bar:
-        task = bar.add_task("Restoring", total=count, rate="")
+    ) as progress_display:
+        task = progress_display.add_task("Restoring", total=count, rate="")
         start, failed = monotonic(), 0
 
-        def tell(row: Row, settled: int, now: int) -> None:
+        def progress(row: Row, settled: int, now: int) -> None:
             nonlocal failed
             failed += row.status == "failed"
-            said = f"Restoring, {failed} failed" if failed else "Restoring"
-            bar.update(task, completed=settled, description=said, rate=_rate(now, monotonic() - start, count - settled))
+            description = f"Restoring, {failed} failed" if failed else "Restoring"
+            progress_display.update(
+                task, completed=settled, description=description, rate=_rate(now, monotonic() - start, count - settled)
+            )
             if verbose:
                 error = "" if row.expected_error_mm is None else f"{row.expected_error_mm:.3f} mm"
                 print(row.name, row.status, error or row.sentence, sep="\t", flush=True)
 
-        yield tell
+        yield progress
 
 
 def _rate(done: int, seconds: float, left: int) -> str:
@@ -57,7 +59,7 @@ def _rate(done: int, seconds: float, left: int) -> str:
     return f"{3600 * done / seconds:,.0f} an hour, {timedelta(seconds=round(left * seconds / done))} left"
 
 
-def say_counts(counts: Counts, notes: list[str], *, quiet: bool, verbose: bool) -> None:
+def print_counts(counts: Counts, notes: list[str], *, quiet: bool, verbose: bool) -> None:
     """Print how it ended, for a person; notes go to stderr."""
     if quiet:
         return

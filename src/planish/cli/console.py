@@ -11,7 +11,7 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 
 from planish.types import Report
 
-WORDS = {
+STAGE_LABELS = {
     "read": "Reading",
     "scan": "Scanning the sheet",
     "laser": "Finding the laser",
@@ -31,12 +31,12 @@ WORDS = {
     "look": "Making a page to look at",
 }
 
-LONG = 5.0
+NOTE_COMPILE_SECONDS = 5.0
 """Seconds of compiling that are worth a word."""
 
 
 @contextmanager
-def progress(*, quiet: bool) -> Iterator[Callable[[str, float], None]]:
+def progress_bar(*, quiet: bool) -> Iterator[Callable[[str, float], None]]:
     """A bar on stderr that names the stage, when a person is looking; else silence."""
     if quiet or not sys.stderr.isatty():
         yield lambda name, share: None
@@ -48,27 +48,27 @@ def progress(*, quiet: bool) -> Iterator[Callable[[str, float], None]]:
 
         def on_start(self, event: object) -> None:
             super().on_start(event)
-            bars.update(task, description=f"{stage} (compiling, on the first run only)")
+            display.update(task, description=f"{stage} (compiling, on the first run only)")
 
     stage = ""
     columns = (TextColumn("{task.description:<22}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
     console = Console(stderr=True, highlight=False, soft_wrap=True)
     compiling = Compiling()
-    bars = Progress(*columns, console=console, transient=True, redirect_stdout=False, redirect_stderr=False)
-    with bars, install_listener("numba:compile", compiling):
-        task = bars.add_task("", total=1.0)
+    display = Progress(*columns, console=console, transient=True, redirect_stdout=False, redirect_stderr=False)
+    with display, install_listener("numba:compile", compiling):
+        task = display.add_task("", total=1.0)
 
-        def tell(name: str, share: float) -> None:
+        def progress(name: str, share: float) -> None:
             nonlocal stage
-            stage = WORDS.get(name, name)
-            bars.update(task, description=stage, completed=share)
+            stage = STAGE_LABELS.get(name, name)
+            display.update(task, description=stage, completed=share)
 
-        yield tell
-    if compiling.done and compiling.duration > LONG:
+        yield progress
+    if compiling.done and compiling.duration > NOTE_COMPILE_SECONDS:
         console.print(f"planish: note: {compiling.duration:.0f} s of this went into compiling, which happens only once")
 
 
-def show(report: Report, written: list[str], *, quiet: bool, verbose: bool) -> None:
+def print_report(report: Report, written: list[str], *, quiet: bool, verbose: bool) -> None:
     """Print the short table for a person, and the warnings for everybody."""
     from rich.table import Table
 

@@ -34,19 +34,19 @@ def demo(
     quiet
         Print nothing but errors.
     """
-    from planish.cli.console import progress
+    from planish.cli.console import progress_bar
     from planish.cli.restore import restore
     from planish.gallery import sheet as known_sheet
     from planish.gallery import virtual_scan
     from planish.io import make_folder, write_page, write_scan
 
     make_folder(output)
-    with progress(quiet=quiet) as tell:
-        tell("scan", 0.0)
-        made = virtual_scan(known_sheet(SHEETS[sheet]), noise_mm=0.05)
-        tell("write", 0.0)
-        write_scan(output / "scan.obj", made.scan)
-        write_page(output / "truth.png", made.page)
+    with progress_bar(quiet=quiet) as progress:
+        progress("scan", 0.0)
+        capture = virtual_scan(known_sheet(SHEETS[sheet]), noise_mm=0.05)
+        progress("write", 0.0)
+        write_scan(output / "scan.obj", capture.scan)
+        write_page(output / "truth.png", capture.page)
     return restore(
         output / "scan.obj",
         output=output / "page.tif",

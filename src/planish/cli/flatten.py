@@ -53,29 +53,35 @@ def flatten(
     from dataclasses import replace
     from time import perf_counter
 
-    from planish.cli.console import progress, show
+    from planish.cli.console import print_report, progress_bar
     from planish.io import all_or_nothing, check_flat_name, check_writable, read_scan, write_flat, write_json
-    from planish.job import with_files
+    from planish.job import with_file_info
     from planish.pipeline import restore
 
     check_flat_name(output, as_)
     outputs = [path for path in (output, report) if path is not None]
     for path in outputs:
         check_writable(path, overwrite=overwrite)
-    with progress(quiet=quiet) as tell, all_or_nothing():
+    with progress_bar(quiet=quiet) as progress, all_or_nothing():
         start = perf_counter()
-        tell("read", 0.0)
-        found = read_scan(mesh, units=units)
-        read = perf_counter() - start
-        done = restore(replace(found.scan, photo=None), RestoreSettings(flatten=flattening, rotate=rotate), tell)
-        start = perf_counter()
-        tell("write", 0.0)
-        scalars = {"strain": done.flattening.local_strain, "expected_error_mm": done.flattening.error_mm}
-        write_flat(
-            output, found, done.flattening.page_xy, as_=as_, scalars=scalars if output.suffix == ".ply" else None
+        progress("read", 0.0)
+        loaded = read_scan(mesh, units=units)
+        read_seconds = perf_counter() - start
+        restoration = restore(
+            replace(loaded.scan, photo=None), RestoreSettings(flatten=flattening, rotate=rotate), progress
         )
-        account = with_files(done.report, found, read, perf_counter() - start)
+        start = perf_counter()
+        progress("write", 0.0)
+        scalars = {"strain": restoration.flattening.local_strain, "expected_error_mm": restoration.flattening.error_mm}
+        write_flat(
+            output,
+            loaded,
+            restoration.flattening.page_xy,
+            as_=as_,
+            scalars=scalars if output.suffix == ".ply" else None,
+        )
+        final_report = with_file_info(restoration.report, loaded, read_seconds, perf_counter() - start)
         if report is not None:
-            write_json(report, account)
-    show(account, [str(path) for path in outputs], quiet=quiet, verbose=verbose)
-    return account.settled
+            write_json(report, final_report)
+    print_report(final_report, [str(path) for path in outputs], quiet=quiet, verbose=verbose)
+    return final_report.settled

@@ -18,8 +18,8 @@ def photo(
     /,
     *,
     output: Output,
-    finding: Annotated[PhotoSettings, Flags] = PhotoSettings(),
-    drawing: Annotated[RenderSettings, Flags] = RenderSettings(dpi="auto"),
+    shape: Annotated[PhotoSettings, Flags] = PhotoSettings(),
+    rendering: Annotated[RenderSettings, Flags] = RenderSettings(dpi="auto"),
     shading: Annotated[ShadingSettings, Flags] = ShadingSettings(shading="background"),
     binarizing: Annotated[BinarizeSettings, Flags] = BinarizeSettings(),
     rotate: Rotation = "auto",
@@ -59,7 +59,7 @@ def photo(
     from dataclasses import replace
     from time import perf_counter
 
-    from planish.cli.console import progress, show
+    from planish.cli.console import print_report, progress_bar
     from planish.errors import UsageError
     from planish.io import (
         all_or_nothing,
@@ -72,7 +72,7 @@ def photo(
         write_page,
         write_unscaled_page,
     )
-    from planish.job.pictures import write_stages
+    from planish.job.stage_images import write_stages
     from planish.photo import find_shape
     from planish.pipeline import restore
     from planish.settings import RestoreSettings
@@ -86,37 +86,42 @@ def photo(
         check_writable(path, overwrite=overwrite)
     if binary is None and stages is None:
         binarizing = replace(binarizing, binarize="none")
-    settings = RestoreSettings(render=drawing, shading=shading, binarize=binarizing, rotate=rotate)
-    with progress(quiet=quiet) as tell, all_or_nothing():
+    settings = RestoreSettings(render=rendering, shading=shading, binarize=binarizing, rotate=rotate)
+    with progress_bar(quiet=quiet) as progress, all_or_nothing():
         start = perf_counter()
-        tell("read", 0.0)
-        taken = read_photo(photo, upright=True)
-        read = perf_counter() - start
+        progress("read", 0.0)
+        photo_image = read_photo(photo, upright=True)
+        read_seconds = perf_counter() - start
         start = perf_counter()
-        tell("shape", 0.0)
-        found = find_shape(taken.pixels, finding, focal_px=focal_length_px(photo), icc=taken.icc)
-        shape = perf_counter() - start
-        done = restore(found.scan, settings, tell, way_up)
+        progress("shape", 0.0)
+        sheet = find_shape(photo_image.pixels, shape, focal_px=focal_length_px(photo), icc=photo_image.icc)
+        shape_seconds = perf_counter() - start
+        restoration = restore(sheet.scan, settings, progress, way_up)
         start = perf_counter()
-        tell("write", 0.0)
-        page = done.unshaded or done.rendered
+        progress("write", 0.0)
+        page = restoration.unshaded or restoration.rendered
         assert page is not None
-        write = write_unscaled_page if found.report.scale == "unknown" else write_page
+        write = write_unscaled_page if sheet.report.scale == "unknown" else write_page
         write(output, page)
         if binary is not None:
-            assert done.binary is not None
-            write(binary, done.binary)
+            assert restoration.binary is not None
+            write(binary, restoration.binary)
         if stages is not None:
-            outputs += write_stages(stages, done)
-        seconds = {"read": read, "shape": shape, **done.report.seconds, "write": perf_counter() - start}
-        account = replace(
-            done.report,
-            photo=found.report,
+            outputs += write_stages(stages, restoration)
+        seconds = {
+            "read": read_seconds,
+            "shape": shape_seconds,
+            **restoration.report.seconds,
+            "write": perf_counter() - start,
+        }
+        final_report = replace(
+            restoration.report,
+            photo=sheet.report,
             seconds=seconds,
             seconds_total=sum(seconds.values()),
-            warnings=[*taken.warnings, *found.warnings, *done.report.warnings],
+            warnings=[*photo_image.warnings, *sheet.warnings, *restoration.report.warnings],
         )
         if report is not None:
-            write_json(report, account)
-    show(account, [str(path) for path in outputs], quiet=quiet, verbose=verbose)
-    return account.settled
+            write_json(report, final_report)
+    print_report(final_report, [str(path) for path in outputs], quiet=quiet, verbose=verbose)
+    return final_report.settled

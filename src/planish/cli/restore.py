@@ -8,10 +8,10 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from planish.cli.options import Output, Quiet, Verbose
-from planish.cli.restore_options import Flags, Walk
+from planish.cli.restore_options import Flags, RestoreOptions
 from planish.settings import Units
 
-Several = Parameter(negative="")
+Repeatable = Parameter(negative="")
 
 
 def restore(
@@ -19,10 +19,10 @@ def restore(
     /,
     *,
     output: Output,
-    photo: Annotated[list[Path], Several] | None = None,
-    camera: Annotated[list[Path], Several] | None = None,
+    photo: Annotated[list[Path], Repeatable] | None = None,
+    camera: Annotated[list[Path], Repeatable] | None = None,
     units: Units = "auto",
-    walk: Annotated[Walk, Flags] = Walk(),
+    restore_options: Annotated[RestoreOptions, Flags] = RestoreOptions(),
     mask: Path | None = None,
     binary: Path | None = None,
     flat: Path | None = None,
@@ -72,7 +72,7 @@ def restore(
     verbose
         Print the table even when the output is piped.
     """
-    from planish.cli.console import progress, show
+    from planish.cli.console import print_report, progress_bar
     from planish.job import Job, Outputs, run
 
     job = Job(
@@ -80,7 +80,7 @@ def restore(
         photo=tuple(photo or ()),
         camera=tuple(camera or ()),
         units=units,
-        settings=walk.settings(),
+        settings=restore_options.settings(),
         outputs=Outputs(
             page=output,
             binary=binary,
@@ -90,12 +90,12 @@ def restore(
             stages=stages,
             certificate=certificate,
             html=html,
-            pdfa=walk.pdfa,
-            ocr=walk.ocr,
+            pdfa=restore_options.pdfa,
+            ocr=restore_options.ocr,
             overwrite=overwrite,
         ),
     )
-    with progress(quiet=quiet) as tell:
-        done = run(job, tell)
-    show(done.report, [str(path) for path in done.written], quiet=quiet, verbose=verbose)
-    return done.report.settled
+    with progress_bar(quiet=quiet) as progress:
+        result = run(job, progress)
+    print_report(result.report, [str(path) for path in result.written], quiet=quiet, verbose=verbose)
+    return result.report.settled

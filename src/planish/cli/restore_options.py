@@ -21,7 +21,7 @@ Flags = Parameter(name="*")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Walk:
+class RestoreOptions:
     """How a page is made of a scan.
 
     Attributes

@@ -10,7 +10,7 @@ from cyclopts import Parameter
 from planish.cli.options import Quiet
 from planish.settings import Units
 
-Several = Parameter(negative="")
+Repeatable = Parameter(negative="")
 
 
 def view(
@@ -18,8 +18,8 @@ def view(
     /,
     *,
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
-    photo: Annotated[list[Path], Several] | None = None,
-    camera: Annotated[list[Path], Several] | None = None,
+    photo: Annotated[list[Path], Repeatable] | None = None,
+    camera: Annotated[list[Path], Repeatable] | None = None,
     units: Units = "auto",
     open_browser: Annotated[bool | None, Parameter(name="--open", negative="--no-open")] = None,
     overwrite: bool = True,
@@ -53,22 +53,22 @@ def view(
     """
     from dataclasses import replace
 
-    from planish.cli.console import progress, show
-    from planish.job.from_report import find_again
-    from planish.job.look import look
+    from planish.cli.console import print_report, progress_bar
+    from planish.job.from_report import inputs_from_report
+    from planish.job.html_page import make_html
 
     if result.suffix.lower() in (".html", ".htm") and result.is_file():
         _open(result, wanted=open_browser)
         return True
-    again = find_again(result)
+    inputs = inputs_from_report(result)
     if photo or camera or units != "auto":
-        again = replace(again, photo=tuple(photo or ()), camera=tuple(camera or ()), units=units)
-    out = output or _beside(result, again.scan)
-    with progress(quiet=quiet) as tell:
-        done = look(again, out, tell, overwrite=overwrite)
-    show(done.report, [str(path) for path in done.written], quiet=quiet, verbose=False)
+        inputs = replace(inputs, photo=tuple(photo or ()), camera=tuple(camera or ()), units=units)
+    out = output or _beside(result, inputs.scan)
+    with progress_bar(quiet=quiet) as progress:
+        job_result = make_html(inputs, out, progress, overwrite=overwrite)
+    print_report(job_result.report, [str(path) for path in job_result.written], quiet=quiet, verbose=False)
     _open(out, wanted=open_browser)
-    return done.report.settled
+    return job_result.report.settled
 
 
 def _beside(result: Path, scan: Path) -> Path:

@@ -1,4 +1,4 @@
-"""One restoration from files to files: what the command line, the batch and the service all do."""
+"""One restoration job, from input files to output files; shared by the command line, the batch and the web service."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 from planish.job.job import Job, Outputs
 
 if TYPE_CHECKING:
-    from planish.job.runner import Done, check, run, with_files
+    from planish.job.runner import JobResult, check, run, with_file_info
 
-__all__ = ["Done", "Job", "Outputs", "check", "run", "with_files"]
+__all__ = ["Job", "JobResult", "Outputs", "check", "run", "with_file_info"]
 
 
 def __getattr__(name: str) -> object:
-    """Load the stages only where a job is run: the service leaves that to other processes."""
+    """Import the pipeline on first use: the web service itself never needs it, only its worker processes do."""
     if name not in __all__:
         raise AttributeError(f"module 'planish.job' has no attribute {name!r}")
     return getattr(import_module("planish.job.runner"), name)

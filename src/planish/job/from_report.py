@@ -1,4 +1,4 @@
-"""A finished restoration found again: its scan and its settings, from the report and the files beside it."""
+"""Recover the inputs and settings of a restoration from its report.json and the files beside it."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Again:
-    """What a restoration was made from.
+class JobInputs:
+    """Inputs and settings of a restoration.
 
     Attributes
     ----------
     scan : Path
     photo, camera : tuple of Path
-        The other files that were read, as far as they are no part of the scan.
+        Further input files that are not part of the scan.
     units : {"auto", "mm", "cm", "m", "in"}
     settings : RestoreSettings
     size_mm : (float, float) or None
-        Of the page that came out, where there is a report.
+        Size of the page according to the report, if there is one.
     """
 
     scan: Path
@@ -39,39 +39,39 @@ class Again:
     size_mm: tuple[float, float] | None = None
 
 
-def find_again(result: Path) -> Again:
-    """Find what is needed to make a restoration once more.
+def inputs_from_report(result: Path) -> JobInputs:
+    """Recover what is needed to repeat a restoration.
 
     Parameters
     ----------
     result : Path
-        A scan; a report; or a folder with a report.json and the files that it was made from.
+        A scan; a report; or a folder that holds report.json and the input files.
 
     Raises
     ------
     InputError
-        Where there is no report, or a file that it names is not there or no longer the same.
+        If there is no report, or an input file is missing or has changed since.
     """
     if result.is_dir() and not is_tifxyz(result):
         if not (result / "report.json").is_file():
-            raise InputError(f"{result} has no report.json, so nothing tells which scan to show; name the scan itself")
+            raise InputError(f"{result} has no report.json that names the scan; give the scan itself")
         result = result / "report.json"
     if result.suffix.lower() != ".json":
-        return Again(scan=result)
-    report = _report(result)
-    scan, *others = _sources(result, report)
+        return JobInputs(scan=result)
+    report = _read_report(result)
+    scan, *others = _find_sources(result, report)
     page, unit = report["page"], report["scan"]["unit"]
-    return Again(
+    return JobInputs(
         scan=scan,
         photo=tuple(path for path in others if path.suffix.lower() != ".json"),
         camera=tuple(path for path in others if path.suffix.lower() == ".json"),
         units=unit if unit in get_args(Units) else "auto",
-        settings=_made(RestoreSettings, report.get("settings") or {}),
+        settings=_decode(RestoreSettings, report.get("settings") or {}),
         size_mm=(page["width_mm"], page["height_mm"]),
     )
 
 
-def _report(path: Path) -> dict[str, Any]:
+def _read_report(path: Path) -> dict[str, Any]:
     try:
         report = json.loads(read_bytes(path))
     except (ValueError, RecursionError):
@@ -85,24 +85,24 @@ def _report(path: Path) -> dict[str, Any]:
     return report
 
 
-def _sources(path: Path, report: Mapping[str, Any]) -> list[Path]:
-    """The files that a report was made from: beside it, and unchanged."""
+def _find_sources(path: Path, report: Mapping[str, Any]) -> list[Path]:
+    """Input files named by a report, checked to be beside it and unchanged (SHA-256)."""
     if not report["sources"]:
         raise InputError(f"{path} does not tell which files it was made from; give the scan itself")
-    found = []
+    paths = []
     for name, digest in report["sources"].items():
-        beside = path.parent / Path(name).name
-        if not beside.exists():
+        path_beside = path.parent / Path(name).name
+        if not path_beside.exists():
             raise InputError(
                 f"{path} was made from {name}, which is not beside it; put it there, or give the scan itself"
             )
-        if list(fingerprints([beside]).values()) != [digest]:
-            raise InputError(f"{beside} is no longer the file that {path.name} was made from; restore it anew")
-        found.append(beside)
-    return found
+        if list(fingerprints([path_beside]).values()) != [digest]:
+            raise InputError(f"{path_beside} is no longer the file that {path.name} was made from; restore it anew")
+        paths.append(path_beside)
+    return paths
 
 
-def _made(kind: type[T], plain: Mapping[str, Any]) -> T:
+def _decode(kind: type[T], plain: Mapping[str, Any]) -> T:
     """Settings from their JSON; what an older or newer version does not know keeps its default."""
     kinds = get_type_hints(kind)
     given: dict[str, Any] = {}
@@ -111,7 +111,7 @@ def _made(kind: type[T], plain: Mapping[str, Any]) -> T:
         if options and value not in options:
             raise InputError(f"the report has {name} {value!r}, which this version of planish does not know")
         nested = is_dataclass(kinds[name]) and isinstance(value, dict)
-        given[name] = _made(kinds[name], value) if nested else value
+        given[name] = _decode(kinds[name], value) if nested else value
     try:
         return kind(**given)
     except (TypeError, UsageError) as problem:

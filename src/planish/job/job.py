@@ -1,4 +1,4 @@
-"""What one restoration is: the files it reads, the settings, and the files it writes."""
+"""Description of one restoration job: input files, settings and output files."""
 
 from __future__ import annotations
 
@@ -10,25 +10,25 @@ from planish.settings import RestoreSettings, Units
 
 @dataclass(frozen=True, kw_only=True)
 class Outputs:
-    """The files to be written.
+    """Output files of a job.
 
     Attributes
     ----------
     page : Path
         .tif, .png, .jpg or .pdf.
     copies : tuple of Path
-        The same page again, in other formats.
+        Additional copies of the page in other formats.
     binary, mask, flat, report, certificate, html : Path or None
-        The page in black and white; what is known of it; the flat mesh; the report as JSON; one sheet of figures; and
-        a page to look at.
+        The binarized page, the mask of known pixels, the flattened mesh, the report as JSON, the quality certificate
+        and the HTML page.
     stages : Path or None
-        Folder for pictures of every stage.
+        Folder for images of every stage.
     pdfa : bool
-        PDFs are for archives.
+        Write PDFs as PDF/A-2b.
     ocr : str or None
-        Language of the text to be read for PDFs.
+        Language of the OCR text layer of PDFs, as Tesseract names it.
     overwrite : bool
-        Files in place may be replaced.
+        Whether existing files may be replaced.
     """
 
     page: Path
@@ -54,11 +54,11 @@ class Job:
     scan : Path
     outputs : Outputs
     photo, camera : tuple of Path
-        Where the scan's file does not name them.
+        Needed where the scan file does not reference them.
     units : {"auto", "mm", "cm", "m", "in"}
-        Of the scan's numbers.
+        Unit of the scan's coordinates.
     inside : Path or None
-        For scans from strangers: the only folder from which files are read that the scan itself names.
+        For untrusted scans: files that the scan references are read from this folder only.
     settings : RestoreSettings
     """
 

@@ -1,7 +1,7 @@
-"""Imported by the server of forks before it forks: all of planish in memory, and its kernels loaded.
+"""Preload module of the fork server: imports planish and loads its compiled kernels before the first fork.
 
-A process that is forked must not inherit threads at work, so OpenCV gets none here; those of BLAS and numba are idle,
-and made anew in the forked process where it needs them.
+A forked process must not inherit running threads, so OpenCV gets none here. The threads of BLAS and numba are idle at
+the fork and are recreated in the child when needed.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import os
 
 
 def load_kernels() -> None:
-    """Restore a small sheet, so that the kernels of the usual walk are loaded (the first time: compiled)."""
+    """Restore a small sheet, which loads the kernels of the default pipeline (the first time: compiles them)."""
     import cv2
     import numpy as np
 
@@ -25,9 +25,9 @@ def load_kernels() -> None:
     mesh, _ = sheet_mesh(card, points=1000, layout="grid")
     camera = overhead_camera(card, (480, 360))
     photo = np.full((*camera.shape_rc, 3), 220, np.uint8)
-    photo[::8] = photo[1::8] = 60  # something like lines of text
+    photo[::8] = photo[1::8] = 60  # stripes that resemble lines of text
     runner.restore(Scan(mesh, photo=photo, photo_xy=project(camera, mesh.points)))
 
 
-if os.environ.get("PLANISH_WARM"):  # set by planish.job.worker for its server of forks alone
+if os.environ.get("PLANISH_PRELOAD"):  # set by planish.job.worker for its fork server only
     load_kernels()

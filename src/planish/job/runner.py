@@ -1,4 +1,4 @@
-"""A job, run: everything is written, or nothing."""
+"""Run a job; all outputs are written together at the end, or none."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from planish.io import (
     write_json,
 )
 from planish.job.job import Job
-from planish.job.pages import check_pages, page_files, read_text, write_page_files
-from planish.job.pictures import write_certificate, write_stages
+from planish.job.page_files import check_pages, page_files, recognize_text, write_page_files
+from planish.job.stage_images import write_certificate, write_stages
 from planish.pipeline import Progress, restore
 from planish.types import Report
 from planish.view import view_page
 
 
 @dataclass(frozen=True)
-class Done:
-    """What a job left behind.
+class JobResult:
+    """Outcome of a job.
 
     Attributes
     ----------
@@ -43,16 +43,16 @@ class Done:
 
 
 def check(job: Job) -> None:
-    """Refuse before long work what could not be done after it.
+    """Check outputs and settings before any long computation.
 
     Raises
     ------
     UsageError
-        Where outputs contradict the settings.
+        If outputs contradict the settings.
     OutputError
-        Where a file could not be written.
+        If a file could not be written.
     MissingExtraError
-        Where an optional part is needed and not installed.
+        If an optional dependency is needed and not installed.
     """
     out = job.outputs
     check_pages(out)
@@ -64,25 +64,25 @@ def check(job: Job) -> None:
         check_page_name(out.certificate)
     if out.html is not None:
         check_html_name(out.html)
-    for path in [*page_files(out, most=1 if job.settings.pages == "1" else 2), *_others(job)]:
+    for path in [*page_files(out, max_pages=1 if job.settings.pages == "1" else 2), *_single_files(job)]:
         check_writable(path, overwrite=out.overwrite)
 
 
-def run(job: Job, progress: Progress | None = None) -> Done:
-    """Read the scan, restore it, and write all outputs together at the end.
+def run(job: Job, progress: Progress | None = None) -> JobResult:
+    """Read a scan, restore it, and write all outputs together at the end.
 
     Parameters
     ----------
     job : Job
     progress : callable, optional
-        Told (stage, share done) now and then.
+        Called with (stage, fraction done).
 
     Raises
     ------
     InputError
-        Where the scan cannot be read or is not a sheet that can be flattened, or has no photo.
+        If the scan cannot be read, is not a sheet that can be flattened, or has no photo.
     UsageError, OutputError, MissingExtraError
-        As `check` does.
+        See `check`.
 
     Examples
     --------
@@ -93,86 +93,86 @@ def run(job: Job, progress: Progress | None = None) -> Done:
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     at = Path(folder)
     ...     _ = write_scan(at / "scan.obj", virtual_scan(sheet("book"), points=3000, photo_px=(1000, 750)).scan)
-    ...     done = run(Job(scan=at / "scan.obj", outputs=Outputs(page=at / "page.png", report=at / "report.json")))
-    ...     done.report.settled, [path.name for path in done.written]
+    ...     result = run(Job(scan=at / "scan.obj", outputs=Outputs(page=at / "page.png", report=at / "report.json")))
+    ...     result.report.settled, [path.name for path in result.written]
     (True, ['page.png', 'report.json'])
     """
     check(job)
-    tell: Progress = progress or (lambda name, share: None)
+    progress = progress or (lambda name, share: None)
     out = job.outputs
     with all_or_nothing():
         start = perf_counter()
-        tell("read", 0.0)
-        found = _read(job)
-        sources = fingerprints(found.sources)
-        read = perf_counter() - start
-        done = restore(found.scan, job.settings, tell, way_up)
-        text, seconds = [], dict(done.report.seconds)
+        progress("read", 0.0)
+        loaded = _read_scan(job)
+        sources = fingerprints(loaded.sources)
+        read_seconds = perf_counter() - start
+        restoration = restore(loaded.scan, job.settings, progress, way_up)
+        text, seconds = [], dict(restoration.report.seconds)
         if out.ocr is not None:
             start = perf_counter()
-            tell("text", 0.0)
-            text = read_text(done, out.ocr)
+            progress("text", 0.0)
+            text = recognize_text(restoration, out.ocr)
             seconds["text"] = perf_counter() - start
-        done = replace(done, report=replace(done.report, seconds=seconds, sources=sources))
+        restoration = replace(restoration, report=replace(restoration.report, seconds=seconds, sources=sources))
         start = perf_counter()
-        tell("write", 0.0)
-        written = [*write_page_files(out, done, job.settings.binarize.binarize, text), *_others(job)]
+        progress("write", 0.0)
+        written = [*write_page_files(out, restoration, job.settings.binarize.binarize, text), *_single_files(job)]
         if out.flat is not None:
-            write_flat(out.flat, found, done.flattening.page_xy)
+            write_flat(out.flat, loaded, restoration.flattening.page_xy)
         if out.stages is not None:
-            written += write_stages(out.stages, done)
-        report = with_files(done.report, found, read, perf_counter() - start)
+            written += write_stages(out.stages, restoration)
+        report = with_file_info(restoration.report, loaded, read_seconds, perf_counter() - start)
         if out.certificate is not None:
-            write_certificate(out.certificate, job.scan.name, replace(done, report=report))
+            write_certificate(out.certificate, job.scan.name, replace(restoration, report=report))
         if out.html is not None:
-            tell("look", 0.0)
-            write_bytes(out.html, view_page(replace(done, report=report), job.scan.name))
+            progress("look", 0.0)
+            write_bytes(out.html, view_page(replace(restoration, report=report), job.scan.name))
         if out.report is not None:
             write_json(out.report, report)
-    return Done(report, written)
+    return JobResult(report, written)
 
 
 def check_html_name(path: Path) -> None:
-    """Refuse a name that a browser would not open as a page.
+    """Refuse names that a browser would not open as HTML.
 
     Raises
     ------
     OutputError
     """
     if path.suffix.lower() not in (".html", ".htm"):
-        raise OutputError(f"{path}: a page to look at is one HTML file; give it a name that ends in .html")
+        raise OutputError(f"{path}: the view is one HTML file; give it a name that ends in .html")
 
 
-def with_files(report: Report, found: ReadScan, read: float, written: float) -> Report:
-    """The report with what reading and writing add to it: seconds, the unit, warnings."""
-    seconds = {"read": read, **report.seconds, "write": written}
+def with_file_info(report: Report, loaded: ReadScan, read_seconds: float, write_seconds: float) -> Report:
+    """Add to a report what reading and writing contribute: seconds, unit and warnings."""
+    seconds = {"read": read_seconds, **report.seconds, "write": write_seconds}
     return replace(
         report,
         seconds=seconds,
         seconds_total=sum(seconds.values()),
-        scan=replace(report.scan, unit=found.unit),
-        warnings=[*found.warnings, *report.warnings],
+        scan=replace(report.scan, unit=loaded.unit),
+        warnings=[*loaded.warnings, *report.warnings],
     )
 
 
-def _read(job: Job) -> ReadScan:
-    found = read_scan(
+def _read_scan(job: Job) -> ReadScan:
+    loaded = read_scan(
         job.scan,
         photo=list(job.photo) or None,
         camera=list(job.camera) or None,
         units=job.units,
         inside=job.inside,
     )
-    if found.scan.photo is None:
-        why = "".join(f"; {warning}" for warning in found.warnings if "image" in warning or "photo" in warning)
+    if loaded.scan.photo is None:
+        why = "".join(f"; {warning}" for warning in loaded.warnings if "image" in warning or "photo" in warning)
         raise InputError(
             f"{job.scan} came without a photo that can be drawn{why}; give --photo, or use `planish flatten` for the "
             "geometry alone"
         )
-    return found
+    return loaded
 
 
-def _others(job: Job) -> list[Path]:
-    """The single files beside the page."""
+def _single_files(job: Job) -> list[Path]:
+    """Output files other than the page."""
     out = job.outputs
     return [path for path in (out.flat, out.report, out.certificate, out.html) if path is not None]

@@ -1,8 +1,8 @@
-"""Work in a process of its own that can be killed, with limits on its time and memory.
+"""Run a function in a subprocess that can be killed, with limits on time, memory and threads.
 
-Each process is forked from a server of forks that has planish imported and its kernels loaded (`planish.job.preload`),
-so that a start takes hundredths of a second instead of seconds. That server runs one thread of Python; whatever the
-forked process does, and however it ends, touches neither it nor the caller.
+Subprocesses are forked from a fork server (`multiprocessing`) that has imported planish and loaded its kernels
+(`planish.job.preload`), so that a start takes hundredths of a second instead of seconds. The fork server runs a single
+Python thread. Neither it nor the caller is affected by how a subprocess ends.
 """
 
 from __future__ import annotations
@@ -27,26 +27,26 @@ T = TypeVar("T")
 Progress = Callable[[str, float], None]
 
 _CONTEXT = multiprocessing.get_context("forkserver")
-_STARTING = threading.Lock()  # a start also looks after ended processes, and two threads must not do so at once
-_GLANCE = 0.1
-"""Seconds between two looks at the clock and at `stop`; the end of the work is heard at once."""
-_SELDOM = 0.05
-"""Seconds between two words on one stage's progress."""
-_PATIENCE = 10.0
-"""Seconds that a killed process may take to end: it frees its memory."""
+_START_LOCK = threading.Lock()  # Process.start() and join() reap children, which is not thread-safe
+_POLL_INTERVAL = 0.1
+"""Seconds between two checks of the time limit and of `stop`; results are received at once."""
+_PROGRESS_INTERVAL = 0.05
+"""Minimum seconds between two progress messages of one stage."""
+_KILL_TIMEOUT = 10.0
+"""Seconds to wait for a killed process, which has to free its memory."""
 
 
 class LimitError(InputError):
-    """The work needs more time or memory than it may have."""
+    """The time or memory limit was exceeded."""
 
 
-class DiedError(InputError):
-    """The process was ended from outside, or by a crash in compiled code; once more may go well.
+class WorkerDiedError(InputError):
+    """The process was killed from outside or crashed in compiled code; a second try may succeed.
 
     Attributes
     ----------
     signal : int or None
-        That ended it.
+        Signal that ended the process.
     """
 
     def __init__(self, sentence: str, signal: int | None = None):
@@ -54,13 +54,13 @@ class DiedError(InputError):
         self.signal = signal
 
 
-class FaultError(InputError):
-    """The work failed in a way that planish has no sentence for: a fault of planish.
+class InternalError(InputError):
+    """An unexpected exception, that is a bug in planish.
 
     Attributes
     ----------
     trace : str
-        Where, for who mends it.
+        Traceback.
     """
 
     def __init__(self, sentence: str, trace: str = ""):
@@ -69,21 +69,21 @@ class FaultError(InputError):
 
 
 class StoppedError(Exception):
-    """The caller wanted the work to end."""
+    """The caller set `stop`."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:
-    """What a process may use; None: as much as there is.
+    """Limits of a subprocess; None means no limit.
 
     Attributes
     ----------
     seconds : float or None
-        From its start to its end.
+        Wall-clock time from start to end.
     memory_mb : float or None
-        Memory of its own, in megabytes; planish itself takes about 400 of them.
+        Private memory (RLIMIT_DATA) in megabytes; planish itself takes about 400.
     threads : int or None
-        For kernels and images.
+        For numba kernels and OpenCV.
     """
 
     seconds: float | None = None
@@ -91,171 +91,177 @@ class Limits:
     threads: int | None = None
 
 
-def apart(
-    work: Callable[..., T],
+def run_in_subprocess(
+    function: Callable[..., T],
     *arguments: Any,
     limits: Limits | None = None,
     progress: Progress | None = None,
     stop: threading.Event | None = None,
 ) -> T:
-    """Call `work(*arguments, tell)` in a process of its own, and wait for what it returns.
+    """Call `function(*arguments, progress)` in a subprocess and return its result.
 
-    May be called by several threads at once. The process ends with its caller, also when that is killed.
+    May be called from several threads at once. The subprocess ends with its caller, also if the caller is killed.
 
     Parameters
     ----------
-    work : callable
-        A function at the top of a module; arguments and result must be picklable. Its last argument is to be called
-        with (stage, share done).
+    function : callable
+        A module-level function; arguments and result must be picklable. Its last argument is a callable that takes
+        (stage, fraction done).
     limits : Limits, optional
     progress : callable, optional
-        Told (stage, share done) now and then.
+        Called with (stage, fraction done).
     stop : threading.Event, optional
-        Set by another thread to end the work.
+        Set by another thread to cancel.
 
     Raises
     ------
     PlanishError
-        As `work` raised it.
+        As raised by `function`.
     LimitError, DiedError, FaultError, StoppedError
     """
     limits = limits or Limits()
-    ours, theirs = _CONTEXT.Pipe(duplex=False)
-    process = _CONTEXT.Process(target=_child, args=(theirs, limits, work, arguments), daemon=True)
-    _start(process)
-    theirs.close()
+    receiver, sender = _CONTEXT.Pipe(duplex=False)
+    process = _CONTEXT.Process(target=_run_child, args=(sender, limits, function, arguments), daemon=True)
+    _start_process(process)
+    sender.close()
     try:
-        return _listen(process, ours, limits, progress or (lambda stage, share: None), stop or threading.Event())
+        return _wait_for_result(
+            process, receiver, limits, progress or (lambda stage, share: None), stop or threading.Event()
+        )
     finally:
-        ours.close()
-        _end(process)
+        receiver.close()
+        _kill(process)
 
 
-def warm_up() -> None:
-    """Start the server of forks, and wait until it is ready: seconds; a minute where kernels must be compiled."""
-    apart(_nothing)
+def preload_workers() -> None:
+    """Start the fork server and wait until it is ready: seconds, or a minute if kernels must be compiled."""
+    run_in_subprocess(_no_op)
 
 
-def _nothing(tell: Progress) -> None:
+def _no_op(progress: Progress) -> None:
     pass
 
 
-def _start(process: BaseProcess) -> None:
-    with _STARTING:
+def _start_process(process: BaseProcess) -> None:
+    with _START_LOCK:
         _CONTEXT.set_forkserver_preload(["__main__", "planish.job.preload"])
-        os.environ["PLANISH_WARM"] = "1"
+        os.environ["PLANISH_PRELOAD"] = "1"
         try:
-            process.start()  # starts the server of forks as well, if it does not run
+            process.start()  # starts the fork server as well if it is not running
         except (EOFError, OSError) as problem:
-            raise DiedError(
-                f"no process could be begun ({problem or 'the server of forks ended'}); try again"
+            raise WorkerDiedError(
+                f"no process could be started ({problem or 'the fork server ended'}); try again"
             ) from None
         finally:
-            del os.environ["PLANISH_WARM"]
+            del os.environ["PLANISH_PRELOAD"]
 
 
-def _listen(
-    process: BaseProcess, answers: Connection, limits: Limits, progress: Progress, stop: threading.Event
+def _wait_for_result(
+    process: BaseProcess, connection: Connection, limits: Limits, progress: Progress, stop: threading.Event
 ) -> Any:
     start = monotonic()
     while True:
-        ready = wait([answers, process.sentinel], timeout=_GLANCE)
+        ready = wait([connection, process.sentinel], timeout=_POLL_INTERVAL)
         if stop.is_set():
             raise StoppedError
         if limits.seconds is not None and monotonic() - start > limits.seconds:
             raise LimitError(
-                f"not done after {limits.seconds:g} s, which is the limit here; give fewer points, a lower dpi or a "
+                f"not finished within the time limit of {limits.seconds:g} s; give fewer points, a lower dpi or a "
                 "smaller photo"
             )
         if not ready:
             continue
         try:
-            kind, *said = answers.recv()
+            kind, *payload = connection.recv()
         except (EOFError, OSError):
-            raise _death(process, limits) from None
+            raise _died_error(process, limits) from None
         if kind == "progress":
-            progress(*said)
+            progress(*payload)
         elif kind == "done":
-            return said[0]
+            return payload[0]
         else:
-            error, *arguments = said
+            error, *arguments = payload
             raise error(*arguments)
 
 
-def _death(process: BaseProcess, limits: Limits) -> DiedError:
-    _end(process)
+def _died_error(process: BaseProcess, limits: Limits) -> WorkerDiedError:
+    _kill(process)
     code = process.exitcode
     number = -code if code is not None and code < 0 else None
     how = f"with exit code {code}" if number is None else f"by signal {number}"
-    most = "" if limits.memory_mb is None else f" (at most {limits.memory_mb:g} MB here)"
-    return DiedError(
-        f"the process at work was ended {how}, as happens when memory runs out{most}; try again, or a smaller scan",
+    limit = "" if limits.memory_mb is None else f" (the limit is {limits.memory_mb:g} MB)"
+    return WorkerDiedError(
+        f"the worker process ended {how}, as happens when memory runs out{limit}; try again, or give a smaller scan",
         number,
     )
 
 
-def _end(process: BaseProcess) -> None:
-    """Kill whatever still runs, with the programs that it called, and clear away what the system keeps of it."""
+def _kill(process: BaseProcess) -> None:
+    """Kill the process and its children if they still run, and reap it."""
     assert process.pid is not None
     with contextlib.suppress(ProcessLookupError, PermissionError):
         os.killpg(process.pid, signal.SIGKILL)
     with contextlib.suppress(ProcessLookupError, PermissionError):
         os.kill(process.pid, signal.SIGKILL)
-    wait([process.sentinel], _PATIENCE)
-    with _STARTING:
+    wait([process.sentinel], _KILL_TIMEOUT)
+    with _START_LOCK:
         process.join(0)
 
 
-def _child(answers: Connection, limits: Limits, work: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
-    """What the process does: one piece of work, and an answer."""
-    os.setpgrp()  # apart from the terminal, whose Ctrl-C is for the caller, and to be killed with what it calls
+def _run_child(
+    connection: Connection, limits: Limits, function: Callable[..., Any], arguments: tuple[Any, ...]
+) -> None:
+    """Entry point of the subprocess: set up, call the function, send the result."""
+    os.setpgrp()  # own process group: not reached by the terminal's Ctrl-C, and killed along with its children
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with_caller, daemon=True).start()
-    _keep_within(limits)
-    answers.send(_outcome(limits, work, arguments, _Teller(answers)))
+    threading.Thread(target=_exit_with_parent, daemon=True).start()
+    _apply_limits(limits)
+    connection.send(_outcome(limits, function, arguments, _ProgressSender(connection)))
 
 
-def _outcome(limits: Limits, work: Callable[..., Any], arguments: tuple[Any, ...], tell: Progress) -> tuple[Any, ...]:
+def _outcome(
+    limits: Limits, function: Callable[..., Any], arguments: tuple[Any, ...], progress: Progress
+) -> tuple[Any, ...]:
     try:
-        return "done", work(*arguments, tell)
+        return "done", function(*arguments, progress)
     except PlanishError as problem:
         return "failed", type(problem), str(problem)
     except Exception as problem:
         if isinstance(problem, MemoryError) or "Insufficient memory" in str(problem):  # OpenCV has its own class
-            most = f"more than {limits.memory_mb:g} MB of memory" if limits.memory_mb else "more memory than there is"
-            return "failed", LimitError, f"it takes {most}; give fewer points, a lower dpi or a smaller photo"
+            needed = f"more than {limits.memory_mb:g} MB of memory" if limits.memory_mb else "more memory than there is"
+            return "failed", LimitError, f"it takes {needed}; give fewer points, a lower dpi or a smaller photo"
         text = " ".join(f"{type(problem).__name__}: {problem}".split())
         sentence = f"planish itself failed ({text}); please report this with the scan"
-        return "failed", FaultError, sentence, traceback.format_exc()
+        return "failed", InternalError, sentence, traceback.format_exc()
 
 
-class _Teller:
-    """Passes progress on, not more often than anybody looks."""
+class _ProgressSender:
+    """Sends progress to the caller, at a limited rate."""
 
-    def __init__(self, answers: Connection):
-        self.answers = answers
+    def __init__(self, connection: Connection):
+        self.connection = connection
         self.stage, self.last = "", 0.0
 
     def __call__(self, stage: str, share: float) -> None:
         now = monotonic()
-        if stage != self.stage or now - self.last > _SELDOM:
+        if stage != self.stage or now - self.last > _PROGRESS_INTERVAL:
             self.stage, self.last = stage, now
-            self.answers.send(("progress", stage, share))
+            self.connection.send(("progress", stage, share))
 
 
-def _end_with_caller() -> None:
+def _exit_with_parent() -> None:
     caller = multiprocessing.parent_process()
     assert caller is not None
     wait([caller.sentinel])
     os.killpg(0, signal.SIGKILL)
 
 
-def _keep_within(limits: Limits) -> None:
+def _apply_limits(limits: Limits) -> None:
     import cv2
     import numba
 
-    most = numba.config.NUMBA_NUM_THREADS
-    threads = min(limits.threads or most, most)
+    maximum = numba.config.NUMBA_NUM_THREADS
+    threads = min(limits.threads or maximum, maximum)
     numba.set_num_threads(threads)
     cv2.setNumThreads(threads)
     if limits.memory_mb is not None:

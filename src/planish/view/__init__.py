@@ -1,5 +1,5 @@
-"""A restoration as one page to look at, in a browser, from a file: nothing else is asked for."""
+"""Interactive HTML page of a restoration, in one self-contained file."""
 
-from planish.view.document import view_page
+from planish.view.html_document import view_page
 
 __all__ = ["view_page"]

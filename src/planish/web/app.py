@@ -16,21 +16,21 @@ from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp
 
 from planish.version import __version__
-from planish.web.archive import zipped
-from planish.web.guard import VIEW_HEADERS, Guard
+from planish.web.host_check import VIEW_HEADERS, HostCheckMiddleware
 from planish.web.jobs import MEDIA_TYPES, Health, JobState
 from planish.web.openapi import describe_api, request_body
-from planish.web.problems import Refusal, answer, gives, responses
+from planish.web.problems import HTTPProblem, media_response, problem_response, problem_responses
 from planish.web.service import Service
+from planish.web.zip_stream import stream_zip
 
 STATIC = Path(__file__).parent / "static"
-_INLINE = (".jpg", ".html")
-_SENTENCES = {404: "there is nothing at this address", 405: "this address is not for that method"}
-_STREAM = gives("text/event-stream", "The job, whenever there is news of it")
-_FILE = gives("*/*", "The file")
-_ARCHIVE = gives("application/zip", "All files")
+_INLINE_SUFFIXES = (".jpg", ".html")
+_STATUS_DETAILS = {404: "there is nothing at this address", 405: "this address is not for that method"}
+_EVENT_STREAM = media_response("text/event-stream", "The job, whenever there is news of it")
+_FILE_RESPONSE = media_response("*/*", "The file")
+_ZIP_RESPONSE = media_response("application/zip", "All files")
 
-api = APIRouter(prefix="/api")
+router = APIRouter(prefix="/api")
 
 
 def application(service: Service, hosts: frozenset[str] = frozenset()) -> ASGIApp:
@@ -45,21 +45,23 @@ def application(service: Service, hosts: frozenset[str] = frozenset()) -> ASGIAp
     """
 
     @asynccontextmanager
-    async def life(app: FastAPI) -> AsyncIterator[None]:
+    async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         service.start()
         yield
         service.stop()
 
-    app = FastAPI(title="planish", version=__version__, openapi_url=None, docs_url=None, redoc_url=None, lifespan=life)
+    app = FastAPI(
+        title="planish", version=__version__, openapi_url=None, docs_url=None, redoc_url=None, lifespan=lifespan
+    )
     app.state.service = service
-    app.include_router(api)
+    app.include_router(router)
     app.mount("/static", StaticFiles(directory=STATIC))
-    app.add_api_route("/", _page, include_in_schema=False)
-    app.add_api_route("/api/openapi.json", _description, include_in_schema=False)
-    app.add_exception_handler(Refusal, _refuse)
-    app.add_exception_handler(HTTPException, _refuse)
-    app.add_exception_handler(Exception, _fault)
-    return Guard(app, hosts)
+    app.add_api_route("/", _index_page, include_in_schema=False)
+    app.add_api_route("/api/openapi.json", _openapi_document, include_in_schema=False)
+    app.add_exception_handler(HTTPProblem, _handle_problem)
+    app.add_exception_handler(HTTPException, _handle_problem)
+    app.add_exception_handler(Exception, _handle_internal_error)
+    return HostCheckMiddleware(app, hosts)
 
 
 def _service(request: Request) -> Service:
@@ -67,102 +69,112 @@ def _service(request: Request) -> Service:
     return service
 
 
-Behind = Annotated[Service, Depends(_service)]
+ServiceDep = Annotated[Service, Depends(_service)]
 
 
-@api.get("/health")
-def health(service: Behind) -> Health:
+@router.get("/health")
+def health(service: ServiceDep) -> Health:
     """Tell how the service does, and what it takes."""
     return Health(
         status="stopping" if service.stopping else "ok",
         version=__version__,
-        warm=service.foreman.warm,
+        warm=service.scheduler.ready,
         jobs=service.store.counts(),
         limits=vars(service.limits),
     )
 
 
-@api.post(
+@router.post(
     "/jobs",
     status_code=201,
-    responses=responses(400, 403, 408, 413, 415, 422, 429, 503),
+    responses=problem_responses(400, 403, 408, 413, 415, 422, 429, 503),
     openapi_extra={"requestBody": request_body()},
 )
-async def create(request: Request, response: Response, service: Behind) -> JobState:
+async def create_job(request: Request, response: Response, service: ServiceDep) -> JobState:
     """Take a scan, and put it in the queue."""
-    told = await service.take(request)
-    response.headers["location"] = f"/api/jobs/{told.id}"
-    return told
+    job_state = await service.submit(request)
+    response.headers["location"] = f"/api/jobs/{job_state.id}"
+    return job_state
 
 
-@api.get("/jobs/{id}", responses=responses(404))
-def show(id: str, service: Behind) -> JobState:
+@router.get("/jobs/{id}", responses=problem_responses(404))
+def get_job(id: str, service: ServiceDep) -> JobState:
     """Tell how far a job is, and where its results are."""
-    return service.told(id)
+    return service.job_state(id)
 
 
-@api.delete("/jobs/{id}", status_code=204, responses=responses(403, 404))
-def remove(id: str, service: Behind) -> None:
+@router.delete("/jobs/{id}", status_code=204, responses=problem_responses(403, 404))
+def delete_job(id: str, service: ServiceDep) -> None:
     """End a job if it runs, and remove all of it."""
-    service.find(id)
-    service.foreman.remove(id)
+    service.get_row(id)
+    service.scheduler.remove(id)
 
 
-@api.get("/jobs/{id}/events", response_class=StreamingResponse, responses=_STREAM | responses(404))
-def events(id: str, service: Behind) -> StreamingResponse:
+@router.get("/jobs/{id}/events", response_class=StreamingResponse, responses=_EVENT_STREAM | problem_responses(404))
+def job_events(id: str, service: ServiceDep) -> StreamingResponse:
     """Tell of a job as long as it goes on, as server-sent events: the job's JSON whenever there is news of it."""
-    service.find(id)
+    service.get_row(id)
     return StreamingResponse(service.events(id), media_type="text/event-stream", headers={"x-accel-buffering": "no"})
 
 
-@api.get("/jobs/{id}/files/{name}", response_class=FileResponse, responses=_FILE | responses(404, 409))
-def file(id: str, name: str, service: Behind) -> FileResponse:
+@router.get(
+    "/jobs/{id}/files/{name}",
+    response_class=FileResponse,
+    responses=_FILE_RESPONSE | problem_responses(404, 409),
+)
+def job_file(id: str, name: str, service: ServiceDep) -> FileResponse:
     """Give one result."""
     folder, names = service.results(id)
     if name not in names:
-        raise Refusal(404, f"this job has no such file; it has {', '.join(names)}")
+        raise HTTPProblem(404, f"this job has no such file; it has {', '.join(names)}")
     suffix = Path(name).suffix
     return FileResponse(
         folder / name,
         media_type=MEDIA_TYPES[suffix],
         filename=name,
-        content_disposition_type="inline" if suffix in _INLINE else "attachment",
+        content_disposition_type="inline" if suffix in _INLINE_SUFFIXES else "attachment",
         headers=VIEW_HEADERS if suffix == ".html" else None,
     )
 
 
-@api.get("/jobs/{id}/all.zip", response_class=StreamingResponse, responses=_ARCHIVE | responses(404, 409))
-def everything(id: str, service: Behind) -> StreamingResponse:
+@router.get(
+    "/jobs/{id}/all.zip",
+    response_class=StreamingResponse,
+    responses=_ZIP_RESPONSE | problem_responses(404, 409),
+)
+def job_archive(id: str, service: ServiceDep) -> StreamingResponse:
     """Give all results in one zip."""
     folder, names = service.results(id)
     headers = {"content-disposition": 'attachment; filename="planish.zip"'}
-    return StreamingResponse(zipped([folder / name for name in names]), media_type="application/zip", headers=headers)
+    return StreamingResponse(
+        stream_zip([folder / name for name in names]), media_type="application/zip", headers=headers
+    )
 
 
-def _description(request: Request) -> JSONResponse:
+def _openapi_document(request: Request) -> JSONResponse:
     return JSONResponse(describe_api(request.app))
 
 
-def _page() -> FileResponse:
+def _index_page() -> FileResponse:
     return FileResponse(STATIC / "index.html", media_type="text/html; charset=utf-8")
 
 
-async def _refuse(request: Request, problem: Exception) -> Response:
-    if isinstance(problem, Refusal):
-        return answer(problem.status, problem.detail, problem.headers)
+async def _handle_problem(request: Request, problem: Exception) -> Response:
+    if isinstance(problem, HTTPProblem):
+        return problem_response(problem.status, problem.detail, problem.headers)
     assert isinstance(problem, HTTPException)
-    sentence = _SENTENCES.get(problem.status_code, str(problem.detail))
+    sentence = _STATUS_DETAILS.get(problem.status_code, str(problem.detail))
     headers = {name.lower(): value for name, value in (problem.headers or {}).items()}
-    methods = {method for route in api.routes if isinstance(route, Route) for method in _methods(route, request)}
+    methods = {method for route in router.routes if isinstance(route, Route) for method in _methods(route, request)}
     if problem.status_code == 405 and methods:
         headers["allow"] = ", ".join(sorted(methods))  # by itself, only the first route's are told
-    return answer(problem.status_code, sentence, headers)
+    return problem_response(problem.status_code, sentence, headers)
 
 
 def _methods(route: Route, request: Request) -> set[str]:
     return set(route.methods or ()) if route.matches(request.scope)[0] != Match.NONE else set()
 
 
-async def _fault(request: Request, problem: Exception) -> Response:
+async def _handle_internal_error(request: Request, problem: Exception) -> Response:
     logging.getLogger("planish.web").error("%s %s failed", request.method, request.url.path, exc_info=problem)
-    return answer(500, "the service failed; whoever runs it finds the reason in its log")
+    return problem_response(500, "the service failed; whoever runs it finds the reason in its log")

@@ -12,12 +12,12 @@ from pydantic import TypeAdapter, ValidationError
 
 from planish.errors import UsageError
 from planish.settings import RestoreSettings, Units
-from planish.web.problems import Refusal
-from planish.web.work import Format
+from planish.web.problems import HTTPProblem
+from planish.web.restore_upload import Format
 
-_STAGES = ("flatten", "render", "shading", "binarize")
+_UNPREFIXED = ("flatten", "render", "shading", "binarize")
 """Fields of RestoreSettings whose own fields are flags without a prefix."""
-_OTHERS: dict[str, tuple[Any, Any, str]] = {
+_OTHER_FIELDS: dict[str, tuple[Any, Any, str]] = {
     "units": (Units, "auto", "The unit of the scan's numbers. auto decides from the file and from its size."),
     "view": (bool, True, "Also make a page to look at: the scan in 3D, the page beside it, maps of how good it is."),
     "formats": (str, "tif,png,pdf", "The files of the page that are wanted, of tif, png, jpg and pdf, with commas."),
@@ -34,20 +34,20 @@ class Field:
         As the flag has it.
     path : tuple of str
         Where it stands in RestoreSettings; empty for what is none of them.
-    kind : type
+    type : type
     default : object
     help : str
     """
 
     name: str
     path: tuple[str, ...]
-    kind: Any
+    type: Any
     default: Any
     help: str
 
 
 @dataclass(frozen=True)
-class Wanted:
+class FormSettings:
     """What a form asked for."""
 
     settings: RestoreSettings
@@ -65,16 +65,19 @@ def known_fields() -> dict[str, Field]:
     >>> [name for name in known_fields() if "tolerance" in name]
     ['multigrid.tolerance', 'verlet.tolerance', 'mass-spring.tolerance']
     """
-    found = [*_walk(RestoreSettings(), (), ""), *(Field(name, (), *about) for name, about in _OTHERS.items())]
-    return {field.name: field for field in found}
+    all_fields = [
+        *_iter_fields(RestoreSettings(), (), ""),
+        *(Field(name, (), *about) for name, about in _OTHER_FIELDS.items()),
+    ]
+    return {field.name: field for field in all_fields}
 
 
-def read_fields(told: Mapping[str, str]) -> Wanted:
+def read_fields(values: Mapping[str, str]) -> FormSettings:
     """The settings that a form's fields make.
 
     Raises
     ------
-    Refusal
+    HTTPProblem
         422 for a name or a value that there is not.
 
     Examples
@@ -83,78 +86,78 @@ def read_fields(told: Mapping[str, str]) -> Wanted:
     >>> wanted.settings.render.dpi, wanted.settings.rotate, wanted.settings.flatten.verlet.max_steps
     (150.0, '90', 50)
     """
-    changed: dict[tuple[str, ...], Any] = {}
-    for name, value in told.items():
+    notify: dict[tuple[str, ...], Any] = {}
+    for name, value in values.items():
         field = known_fields().get(name)
         if field is None:
-            raise Refusal(422, f"there is no setting {_short(name)}; /api/openapi.json names those that there are")
+            raise HTTPProblem(422, f"there is no setting {_quote(name)}; /api/openapi.json names those that there are")
         if field.path:
-            changed[field.path] = _value(field, value)
+            notify[field.path] = _value(field, value)
     try:
-        settings = _made(RestoreSettings(), (), changed)
+        settings = _replace_values(RestoreSettings(), (), notify)
     except UsageError as problem:
-        raise Refusal(422, str(problem)) from None
+        raise HTTPProblem(422, str(problem)) from None
     units, view, formats = (
-        _value(field, told[name]) if name in told else field.default
+        _value(field, values[name]) if name in values else field.default
         for name, field in known_fields().items()
-        if name in _OTHERS
+        if name in _OTHER_FIELDS
     )
-    return Wanted(settings, units, view, _formats(formats))
+    return FormSettings(settings, units, view, _formats(formats))
 
 
 def schema_of(field: Field) -> dict[str, Any]:
     """What OpenAPI is told about a field."""
-    schema = {key: value for key, value in TypeAdapter(field.kind).json_schema().items() if key != "title"}
+    schema = {key: value for key, value in TypeAdapter(field.type).json_schema().items() if key != "title"}
     if field.name == "formats":
         schema["pattern"] = r"^(tif|png|jpg|pdf)(,(tif|png|jpg|pdf))*$"
     return {**schema, "default": field.default, "description": field.help}
 
 
-def _walk(settings: Any, path: tuple[str, ...], prefix: str) -> Iterator[Field]:
+def _iter_fields(settings: Any, path: tuple[str, ...], prefix: str) -> Iterator[Field]:
     hints = get_type_hints(type(settings))
-    told = {item.arg_name: item.description or "" for item in parse(type(settings).__doc__ or "").params}
+    values = {item.arg_name: item.description or "" for item in parse(type(settings).__doc__ or "").params}
     for field in fields(settings):
         value, here = getattr(settings, field.name), (*path, field.name)
         name = field.name.replace("_", "-")
         if is_dataclass(value):
-            yield from _walk(value, here, prefix if field.name in _STAGES else f"{prefix}{name}.")
+            yield from _iter_fields(value, here, prefix if field.name in _UNPREFIXED else f"{prefix}{name}.")
         else:
-            yield Field(f"{prefix}{name}", here, hints[field.name], value, " ".join(told[field.name].split()))
+            yield Field(f"{prefix}{name}", here, hints[field.name], value, " ".join(values[field.name].split()))
 
 
-def _made(settings: Any, path: tuple[str, ...], changed: Mapping[tuple[str, ...], Any]) -> Any:
+def _replace_values(settings: Any, path: tuple[str, ...], notify: Mapping[tuple[str, ...], Any]) -> Any:
     """The same settings with some of them changed, checked anew."""
     values = {}
     for field in fields(settings):
         value, here = getattr(settings, field.name), (*path, field.name)
-        values[field.name] = _made(value, here, changed) if is_dataclass(value) else changed.get(here, value)
+        values[field.name] = _replace_values(value, here, notify) if is_dataclass(value) else notify.get(here, value)
     return type(settings)(**values)
 
 
-def _value(field: Field, told: str) -> Any:
+def _value(field: Field, values: str) -> Any:
     try:
-        value = TypeAdapter(field.kind).validate_python(told)
+        value = TypeAdapter(field.type).validate_python(values)
     except ValidationError:
-        raise Refusal(422, f"{field.name} is {_short(told)}; wanted is {_wanted(field.kind)}") from None
+        raise HTTPProblem(422, f"{field.name} is {_quote(values)}; wanted is {_describe_type(field.type)}") from None
     if isinstance(value, float) and not abs(value) < float("inf"):
-        raise Refusal(422, f"{field.name} is {_short(told)}; a finite number is wanted")
+        raise HTTPProblem(422, f"{field.name} is {_quote(values)}; a finite number is wanted")
     return value
 
 
-def _wanted(kind: Any) -> str:
-    if get_origin(kind) is Literal:
-        return " or ".join(get_args(kind))
+def _describe_type(type: Any) -> str:
+    if get_origin(type) is Literal:
+        return " or ".join(get_args(type))
     names = {int: "a whole number", float: "a number", bool: "true or false", str: "a text"}
-    return names[kind] if kind in names else " or ".join(_wanted(one) for one in get_args(kind))
+    return names[type] if type in names else " or ".join(_describe_type(one) for one in get_args(type))
 
 
-def _formats(told: str) -> tuple[Format, ...]:
-    names = tuple(dict.fromkeys(told.split(",")))
+def _formats(values: str) -> tuple[Format, ...]:
+    names = tuple(dict.fromkeys(values.split(",")))
     for name in names:
         if name not in get_args(Format):
-            raise Refusal(422, f"formats has {_short(name)}; wanted are {', '.join(get_args(Format))}, with commas")
+            raise HTTPProblem(422, f"formats has {_quote(name)}; wanted are {', '.join(get_args(Format))}, with commas")
     return names  # type: ignore[return-value]
 
 
-def _short(text: str) -> str:
+def _quote(text: str) -> str:
     return ascii(text if len(text) <= 60 else text[:60] + "...")

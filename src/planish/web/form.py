@@ -11,12 +11,12 @@ from python_multipart.exceptions import FormParserError
 from python_multipart.multipart import MultipartParser, parse_options_header
 
 from planish.settings import ServeSettings
-from planish.web.problems import Refusal
+from planish.web.problems import HTTPProblem
 
 FILE_FIELDS = ("scan", "photo", "camera")
-_LONGEST_VALUE = 1000
-_MOST_FIELDS = 100
-_LONGEST_NAME = 150
+_MAX_VALUE_BYTES = 1000
+_MAX_FIELDS = 100
+_MAX_NAME_BYTES = 150
 
 
 @dataclass
@@ -42,7 +42,7 @@ class FormReader:
     def __init__(self, content_type: str, folder: Path, limits: ServeSettings):
         kind, options = parse_options_header(content_type)
         if kind != b"multipart/form-data" or not options.get(b"boundary"):
-            raise Refusal(415, "a form with files is wanted: multipart/form-data, as browsers and curl -F send it")
+            raise HTTPProblem(415, "a form with files is wanted: multipart/form-data, as browsers and curl -F send it")
         self.form, self.folder, self.limits = Form(), folder, limits
         self.bytes_read = 0
         self.complete = False
@@ -53,14 +53,14 @@ class FormReader:
         try:
             self._parser = MultipartParser(options[b"boundary"], self._callbacks())  # type: ignore[arg-type]
         except FormParserError:
-            raise Refusal(422, "the form's boundary is too long") from None
+            raise HTTPProblem(422, "the form's boundary is too long") from None
 
     def feed(self, data: bytes) -> None:
         """Take the next piece.
 
         Raises
         ------
-        Refusal
+        HTTPProblem
             413 beyond a limit, 415 or 422 where the form is not what is wanted.
         """
         self.bytes_read += len(data)
@@ -69,12 +69,12 @@ class FormReader:
         try:
             self._parser.write(data)
         except FormParserError:
-            raise Refusal(422, "the form is damaged, and no multipart/form-data") from None
+            raise HTTPProblem(422, "the form is damaged, and no multipart/form-data") from None
 
     def finish(self) -> Form:
         """Say that all has come."""
         if not self.complete:
-            raise Refusal(422, "the form was cut short: its end is missing")
+            raise HTTPProblem(422, "the form was cut short: its end is missing")
         return self.form
 
     def close(self) -> None:
@@ -106,29 +106,29 @@ class FormReader:
     def _open(self) -> None:
         kind, options = parse_options_header(self._headers.get(b"content-disposition", b""))
         if kind != b"form-data" or b"name" not in options:
-            raise Refusal(422, "a part of the form has no name")
+            raise HTTPProblem(422, "a part of the form has no name")
         self._name = options[b"name"].decode("utf-8", "replace")
         if b"filename" in options:
             self._open_file(options[b"filename"].decode("utf-8", "replace"))
         elif self._name in FILE_FIELDS:
-            raise Refusal(422, f"{self._name} is to be a file; it came as a text")
-        elif len(self.form.values) >= _MOST_FIELDS:
-            raise Refusal(413, f"the form has more than {_MOST_FIELDS} fields")
+            raise HTTPProblem(422, f"{self._name} is to be a file; it came as a text")
+        elif len(self.form.values) >= _MAX_FIELDS:
+            raise HTTPProblem(413, f"the form has more than {_MAX_FIELDS} fields")
 
     def _open_file(self, name: str) -> None:
         if self._name not in FILE_FIELDS:
-            raise Refusal(422, f"files are taken as {', '.join(FILE_FIELDS)}; one came as {self._name[:60]!a}")
+            raise HTTPProblem(422, f"files are taken as {', '.join(FILE_FIELDS)}; one came as {self._name[:60]!a}")
         if not name:  # what browsers send where no file was chosen
             return
         if sum(map(len, self.form.files.values())) >= self.limits.files:
-            raise Refusal(413, f"at most {self.limits.files} files are taken at once")
+            raise HTTPProblem(413, f"at most {self.limits.files} files are taken at once")
         path = self.folder / plain_name(name)
         try:
             self._file = path.open("xb")
         except FileExistsError:
-            raise Refusal(422, f"two files are called {path.name!a}; each needs a name of its own") from None
+            raise HTTPProblem(422, f"two files are called {path.name!a}; each needs a name of its own") from None
         except OSError:
-            raise Refusal(422, f"a file cannot be called {path.name!a} here; give it another name") from None
+            raise HTTPProblem(422, f"a file cannot be called {path.name!a} here; give it another name") from None
         self.form.files[self._name].append(path)
 
     def _take(self, data: bytes) -> None:
@@ -136,24 +136,24 @@ class FormReader:
             self._file.write(data)
         else:
             self._value.extend(data)
-            if len(self._value) > _LONGEST_VALUE:
-                raise Refusal(413, f"{self._name[:60]!a} is longer than {_LONGEST_VALUE} bytes")
+            if len(self._value) > _MAX_VALUE_BYTES:
+                raise HTTPProblem(413, f"{self._name[:60]!a} is longer than {_MAX_VALUE_BYTES} bytes")
 
     def _end(self) -> None:
         if self._file is not None:
             self.close()
         elif self._name not in FILE_FIELDS:
             if self._name in self.form.values:
-                raise Refusal(422, f"{self._name[:60]!a} came twice")
+                raise HTTPProblem(422, f"{self._name[:60]!a} came twice")
             self.form.values[self._name] = self._value.decode("utf-8", "replace")
 
     def _complete(self) -> None:
         self.complete = True
 
 
-def too_large(limits: ServeSettings) -> Refusal:
+def too_large(limits: ServeSettings) -> HTTPProblem:
     """For uploads beyond the limit."""
-    return Refusal(413, f"at most {limits.upload_mb:g} MB are taken at once; send fewer points or a smaller photo")
+    return HTTPProblem(413, f"at most {limits.upload_mb:g} MB are taken at once; send fewer points or a smaller photo")
 
 
 def plain_name(name: str) -> str:
@@ -161,7 +161,7 @@ def plain_name(name: str) -> str:
 
     Raises
     ------
-    Refusal
+    HTTPProblem
         422 for names that lead elsewhere or cannot be seen.
 
     Examples
@@ -173,7 +173,9 @@ def plain_name(name: str) -> str:
     planish.web.problems.Refusal: '../scan.obj' is no plain name of a file; give it another
     """
     name = unicodedata.normalize("NFC", name)
-    bad = not name.isprintable() or any(mark in name for mark in "/\\:") or name.startswith(".") or name != name.strip()
-    if bad or not 0 < len(name.encode("utf-8", "replace")) <= _LONGEST_NAME:
-        raise Refusal(422, f"{name[:60]!a} is no plain name of a file; give it another")
+    is_invalid = (
+        not name.isprintable() or any(mark in name for mark in "/\\:") or name.startswith(".") or name != name.strip()
+    )
+    if is_invalid or not 0 < len(name.encode("utf-8", "replace")) <= _MAX_NAME_BYTES:
+        raise HTTPProblem(422, f"{name[:60]!a} is no plain name of a file; give it another")
     return name

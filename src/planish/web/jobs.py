@@ -12,7 +12,7 @@ from typing import Literal
 
 from pydantic import BaseModel, Field
 
-from planish.web.scheduler import Foreman
+from planish.web.scheduler import Scheduler
 from planish.web.store import Row, State
 
 MEDIA_TYPES = {
@@ -72,19 +72,20 @@ class Health(BaseModel):
     limits: dict[str, int | float]
 
 
-def describe(row: Row, foreman: Foreman) -> JobState:
+def describe_job(row: Row, scheduler: Scheduler) -> JobState:
     """A job as it is told of."""
-    stage, share = foreman.progress(row.id) if row.state == "running" else ("", 0.0)
-    keep = foreman.limits.keep_hours * 3600
-    here, folder = f"/api/jobs/{row.id}", foreman.results(row)
+    stage, share = scheduler.progress(row.id) if row.state == "running" else ("", 0.0)
+    keep = scheduler.limits.keep_hours * 3600
+    url, folder = f"/api/jobs/{row.id}", scheduler.results(row)
     files = [
-        File(name=name, bytes=_size(folder / name), href=f"{here}/files/{name}") for name in row.result.get("files", [])
+        File(name=name, bytes=_file_size(folder / name), href=f"{url}/files/{name}")
+        for name in row.result.get("files", [])
     ]
     return JobState(
         id=row.id,
         title=row.title,
         state=row.state,
-        ahead=foreman.store.ahead(row) if row.state == "queued" else 0,
+        ahead=scheduler.store.queued_before(row) if row.state == "queued" else 0,
         stage=stage,
         share=share,
         sentence=row.sentence,
@@ -96,47 +97,47 @@ def describe(row: Row, foreman: Foreman) -> JobState:
         warnings=row.result.get("warnings", []),
         figures=[Figure(what=what, how_much=how_much) for what, how_much in row.result.get("figures", [])],
         files=files,
-        all_files=f"{here}/all.zip" if files else None,
+        all_files=f"{url}/all.zip" if files else None,
     )
 
 
-def _size(path: Path) -> int:
+def _file_size(path: Path) -> int:
     try:
         return path.stat().st_size
     except FileNotFoundError:  # removed just now
         return 0
 
 
-class Watchers:
+class JobSubscribers:
     """Those who want to hear of a job; news may come from any thread."""
 
     def __init__(self) -> None:
         self.loop: asyncio.AbstractEventLoop | None = None
-        self._events: dict[str, set[asyncio.Event]] = defaultdict(set)
+        self._subscriptions: dict[str, set[asyncio.Event]] = defaultdict(set)
 
-    def changed(self, id: str) -> None:
+    def notify(self, id: str) -> None:
         """Say that there is news of a job."""
         if self.loop is not None:
             with contextlib.suppress(RuntimeError):  # the loop has ended
-                self.loop.call_soon_threadsafe(self._wake, id)
+                self.loop.call_soon_threadsafe(self._set_events, id)
 
-    def wake_all(self) -> None:
+    def notify_all(self) -> None:
         """Say so of all jobs."""
-        for id in list(self._events):
-            self.changed(id)
+        for id in list(self._subscriptions):
+            self.notify(id)
 
     @contextlib.contextmanager
-    def watching(self, id: str) -> Iterator[asyncio.Event]:
+    def subscribe(self, id: str) -> Iterator[asyncio.Event]:
         """An event that is set whenever there is news."""
         event = asyncio.Event()
-        self._events[id].add(event)
+        self._subscriptions[id].add(event)
         try:
             yield event
         finally:
-            self._events[id].discard(event)
-            if not self._events[id]:
-                del self._events[id]
+            self._subscriptions[id].discard(event)
+            if not self._subscriptions[id]:
+                del self._subscriptions[id]
 
-    def _wake(self, id: str) -> None:
-        for event in self._events.get(id, ()):
+    def _set_events(self, id: str) -> None:
+        for event in self._subscriptions.get(id, ()):
             event.set()

@@ -11,7 +11,7 @@ from planish.web.fields import known_fields, schema_of
 from planish.web.form import FILE_FIELDS
 from planish.web.problems import Problem
 
-_ABOUT = (
+_DESCRIPTION = (
     "Scans of warped documents go in, flat pages come out. Send a scan to /api/jobs, follow its events or ask for it "
     "now and then, and fetch its files. Problems are told in one sentence each (RFC 9457)."
 )
@@ -25,17 +25,17 @@ _FILES = {
 
 def describe_api(app: FastAPI) -> dict[str, Any]:
     """What /api/openapi.json says."""
-    said = get_openapi(title=app.title, version=app.version, description=_ABOUT, routes=app.routes)
-    schemas = said["components"]["schemas"]
+    description = get_openapi(title=app.title, version=app.version, description=_DESCRIPTION, routes=app.routes)
+    schemas = description["components"]["schemas"]
     for name in ("HTTPValidationError", "ValidationError"):  # names of jobs are any text, so that these never come
         schemas.pop(name, None)
     schemas["Problem"] = Problem.model_json_schema()
-    for methods in said["paths"].values():
+    for methods in description["paths"].values():
         for operation in methods.values():
-            told = operation["responses"].get("422", {}).get("content", {})
-            if "application/json" in told:
+            content = operation["responses"].get("422", {}).get("content", {})
+            if "application/json" in content:
                 del operation["responses"]["422"]
-    return said
+    return description
 
 
 def request_body() -> dict[str, Any]:

@@ -21,7 +21,7 @@ class Problem(BaseModel):
     detail: str
 
 
-class Refusal(Exception):
+class HTTPProblem(Exception):
     """A request that is not carried out.
 
     Attributes
@@ -38,18 +38,18 @@ class Refusal(Exception):
         self.status, self.detail, self.headers = status, detail, headers or {}
 
 
-def answer(status: int, detail: str, headers: dict[str, str] | None = None) -> JSONResponse:
+def problem_response(status: int, detail: str, headers: dict[str, str] | None = None) -> JSONResponse:
     """The response that tells of a problem."""
     problem = Problem(title=HTTPStatus(status).phrase, status=status, detail=detail)
     return JSONResponse(problem.model_dump(), status, headers, MEDIA_TYPE)
 
 
-def responses(*statuses: int) -> Responses:
+def problem_responses(*statuses: int) -> Responses:
     """What OpenAPI is told about them."""
     content = {MEDIA_TYPE: {"schema": {"$ref": "#/components/schemas/Problem"}}}
     return {status: {"description": HTTPStatus(status).phrase, "content": content} for status in statuses}
 
 
-def gives(media_type: str, description: str) -> Responses:
+def media_response(media_type: str, description: str) -> Responses:
     """The same of an answer that is a file or a stream."""
     return {200: {"description": description, "content": {media_type: {}}}}

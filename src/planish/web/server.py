@@ -20,7 +20,7 @@ from planish.settings import ServeSettings
 from planish.web.app import application
 from planish.web.service import Service
 
-_GRACE = 5
+_SHUTDOWN_TIMEOUT = 5
 """Seconds for answers on their way, once the server is told to stop."""
 
 
@@ -56,8 +56,8 @@ def run_server(
     KeyboardInterrupt
         After a stop by Ctrl-C.
     """
-    _make_private(folder)
-    with _alone(folder), _listening(host, port) as listener:
+    _make_private_folder(folder)
+    with _exclusive_lock(folder), _listen(host, port) as listener:
         service = Service(folder, limits)
         config = uvicorn.Config(
             application(service, hosts),
@@ -65,7 +65,7 @@ def run_server(
             log_level="warning",
             server_header=False,
             proxy_headers=False,
-            timeout_graceful_shutdown=_GRACE,
+            timeout_graceful_shutdown=_SHUTDOWN_TIMEOUT,
         )
         server = _Server(config, service)
         name = f"[{host}]" if ":" in host else host
@@ -94,10 +94,10 @@ class _Server(uvicorn.Server):
         self.interrupted = sig == signal.SIGINT
         self.force_exit = self.should_exit
         self.should_exit = True
-        self.service.say_stop()
+        self.service.begin_shutdown()
 
 
-def _make_private(folder: Path) -> None:
+def _make_private_folder(folder: Path) -> None:
     """Make the folder, for nobody else to read: scans may be of anything."""
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -110,21 +110,21 @@ def _make_private(folder: Path) -> None:
 
 
 @contextmanager
-def _alone(folder: Path) -> Iterator[None]:
+def _exclusive_lock(folder: Path) -> Iterator[None]:
     """Hold the folder's lock; the system lets go of it however this process ends."""
-    number = os.open(folder / "lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+    descriptor = os.open(folder / "lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
     try:
         try:
-            fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             raise OutputError(f"{folder} is used by another server; give another folder with --data") from None
         yield
     finally:
-        os.close(number)
+        os.close(descriptor)
 
 
 @contextmanager
-def _listening(host: str, port: int) -> Iterator[socket.socket]:
+def _listen(host: str, port: int) -> Iterator[socket.socket]:
     try:
         listener = socket.create_server((host, port), family=socket.AF_INET6 if ":" in host else socket.AF_INET)
     except OSError as problem:

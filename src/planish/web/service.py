@@ -13,13 +13,13 @@ from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
 
 from planish.settings import ServeSettings
-from planish.web.intake import take_in
-from planish.web.jobs import JobState, Watchers, describe
-from planish.web.problems import Refusal
-from planish.web.scheduler import Foreman
+from planish.web.jobs import JobState, JobSubscribers, describe_job
+from planish.web.problems import HTTPProblem
+from planish.web.scheduler import Scheduler
 from planish.web.store import Row, Store, new_id
+from planish.web.upload import receive_upload
 
-_SHORTEST_WAIT, _LONGEST_WAIT = 0.1, 5.0
+_MIN_INTERVAL, _MAX_INTERVAL = 0.1, 5.0
 """Seconds between two words on a job: while there is news, and while there is none."""
 
 
@@ -34,40 +34,40 @@ class Service:
     """
 
     def __init__(self, folder: Path, limits: ServeSettings):
-        self.limits, self.homes = limits, folder / "jobs"
-        self.homes.mkdir(parents=True, exist_ok=True)
-        self.store, self.watchers = Store(folder / "jobs.sqlite"), Watchers()
-        self.foreman = Foreman(self.store, self.homes, limits, self.watchers.changed)
+        self.limits, self.jobs_folder = limits, folder / "jobs"
+        self.jobs_folder.mkdir(parents=True, exist_ok=True)
+        self.store, self.subscribers = Store(folder / "jobs.sqlite"), JobSubscribers()
+        self.scheduler = Scheduler(self.store, self.jobs_folder, limits, self.subscribers.notify)
         self.stopping = False
         self._uploads = 0
 
     def start(self) -> None:
         """Begin to work; called inside the event loop."""
-        self.watchers.loop = asyncio.get_running_loop()
-        self.foreman.start()
+        self.subscribers.loop = asyncio.get_running_loop()
+        self.scheduler.start()
 
-    def say_stop(self) -> None:
+    def begin_shutdown(self) -> None:
         """Take nothing more, and let those who watch go; may be called from a signal's handler."""
         self.stopping = True
-        self.watchers.wake_all()
+        self.subscribers.notify_all()
 
     def stop(self) -> None:
         """End all work."""
-        self.say_stop()
-        self.foreman.stop()
+        self.begin_shutdown()
+        self.scheduler.stop()
         self.store.close()
 
-    def find(self, id: str) -> Row:
+    def get_row(self, id: str) -> Row:
         """The job of that name.
 
         Raises
         ------
-        Refusal
+        HTTPProblem
             404.
         """
         row = self.store.get(id)
         if row is None:
-            raise Refusal(404, "there is no such job; its results are removed after a while, or it never was")
+            raise HTTPProblem(404, "there is no such job; its results are removed after a while, or it never was")
         return row
 
     def results(self, id: str) -> tuple[Path, list[str]]:
@@ -75,65 +75,65 @@ class Service:
 
         Raises
         ------
-        Refusal
+        HTTPProblem
             404, or 409 while there are none.
         """
-        row = self.find(id)
+        row = self.get_row(id)
         if row.state == "failed":
-            raise Refusal(409, f"this job has no results, as it failed: {row.sentence}")
+            raise HTTPProblem(409, f"this job has no results, as it failed: {row.sentence}")
         if row.state != "done":
-            raise Refusal(409, f"this job is {row.state}; its results come when it is done")
-        return self.foreman.results(row), row.result["files"]
+            raise HTTPProblem(409, f"this job is {row.state}; its results come when it is done")
+        return self.scheduler.results(row), row.result["files"]
 
-    def told(self, id: str) -> JobState:
+    def job_state(self, id: str) -> JobState:
         """A job as it is told of."""
-        return describe(self.find(id), self.foreman)
+        return describe_job(self.get_row(id), self.scheduler)
 
-    async def take(self, request: Request) -> JobState:
+    async def submit(self, request: Request) -> JobState:
         """Take a new job in.
 
         Raises
         ------
-        Refusal
+        HTTPProblem
         """
-        self._check_room()
+        self._check_capacity()
         self._uploads += 1
         id = new_id()
         try:
-            title, wanted = await take_in(request, self.homes / id, self.limits)
-            row = await run_in_threadpool(self.store.add, id, title, wanted)
+            title, request_data = await receive_upload(request, self.jobs_folder / id, self.limits)
+            row = await run_in_threadpool(self.store.add, id, title, request_data)
         except sqlite3.Error as problem:
-            await run_in_threadpool(shutil.rmtree, self.homes / id, ignore_errors=True)
-            raise Refusal(503, "the job cannot be kept: the server's disk is full or out of order") from problem
+            await run_in_threadpool(shutil.rmtree, self.jobs_folder / id, ignore_errors=True)
+            raise HTTPProblem(503, "the job cannot be kept: the server's disk is full or out of order") from problem
         finally:
             self._uploads -= 1
-        self.foreman.wake()
-        return await run_in_threadpool(describe, row, self.foreman)
+        self.scheduler.notify()
+        return await run_in_threadpool(describe_job, row, self.scheduler)
 
     async def events(self, id: str) -> AsyncIterator[str]:
         """A job, anew whenever there is news of it, as server-sent events; ends with the job."""
-        with self.watchers.watching(id) as event:
-            said = ""
+        with self.subscribers.subscribe(id) as event:
+            last_sent = ""
             while True:
                 event.clear()
                 row = await run_in_threadpool(self.store.get, id)
                 if row is None:
                     yield "event: removed\ndata: {}\n\n"
                     return
-                text = (await run_in_threadpool(describe, row, self.foreman)).model_dump_json()
-                yield f"data: {text}\n\n" if text != said else ": still there\n\n"
-                said = text
+                text = (await run_in_threadpool(describe_job, row, self.scheduler)).model_dump_json()
+                yield f"data: {text}\n\n" if text != last_sent else ": still there\n\n"
+                last_sent = text
                 if row.state in ("done", "failed") or self.stopping:
                     return
-                await asyncio.sleep(_SHORTEST_WAIT)
+                await asyncio.sleep(_MIN_INTERVAL)
                 with contextlib.suppress(TimeoutError):
-                    await asyncio.wait_for(event.wait(), _LONGEST_WAIT)
+                    await asyncio.wait_for(event.wait(), _MAX_INTERVAL)
 
-    def _check_room(self) -> None:
+    def _check_capacity(self) -> None:
         if self.stopping:
-            raise Refusal(503, "the service is being stopped; come again later", {"retry-after": "60"})
+            raise HTTPProblem(503, "the service is being stopped; come again later", {"retry-after": "60"})
         if self.store.counts()["queued"] + self._uploads >= self.limits.queue:
-            raise Refusal(429, f"{self.limits.queue} scans wait already; come again later", {"retry-after": "30"})
-        most_mb = self.limits.upload_mb + self.limits.unpacked_mb
-        if shutil.disk_usage(self.homes).free < most_mb * 1e6:
-            raise Refusal(503, f"the server's disk has less than {most_mb:g} MB left, which a scan may take")
+            raise HTTPProblem(429, f"{self.limits.queue} scans wait already; come again later", {"retry-after": "30"})
+        required_mb = self.limits.upload_mb + self.limits.unpacked_mb
+        if shutil.disk_usage(self.jobs_folder).free < required_mb * 1e6:
+            raise HTTPProblem(503, f"the server's disk has less than {required_mb:g} MB left, which a scan may take")

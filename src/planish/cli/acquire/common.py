@@ -49,7 +49,7 @@ def check_scan_files(files: ScanFiles) -> None:
     check_files(files.output, files.picture, overwrite=files.overwrite)
 
 
-def sheet_on(mask: str) -> Bools | str | None:
+def sheet_mask(mask: str) -> Bools | str | None:
     """What --mask asks for: "auto", None for everywhere, or the white part of an image."""
     if mask in ("auto", "none"):
         return "auto" if mask == "auto" else None
@@ -59,15 +59,15 @@ def sheet_on(mask: str) -> Bools | str | None:
     return pixels[..., 0] > pixels.max() // 2
 
 
-def cloud_in_mm(cloud: FileCloud, units: str) -> tuple[float, list[str]]:
+def unit_of_cloud(cloud: FileCloud, units: str) -> tuple[float, list[str]]:
     """How many mm make a unit of a point cloud's numbers, and what is to be said of the cloud."""
     from planish.io.units import MM_PER_UNIT, decide_unit
 
-    unit, told = decide_unit(cloud.points[cloud.points.any(axis=1)], units, cloud.unit)
-    return MM_PER_UNIT[unit], [*cloud.warnings, *told]
+    unit, unit_warnings = decide_unit(cloud.points[cloud.points.any(axis=1)], units, cloud.unit)
+    return MM_PER_UNIT[unit], [*cloud.warnings, *unit_warnings]
 
 
-def photo_for(
+def read_optional_photo(
     photo: Path | None, camera: Path | None, mm_per_unit: float
 ) -> tuple[Pixels | None, Camera | None, list[str]]:
     """The photo that the user gives beside points, its camera, and what is to be said of it."""
@@ -78,27 +78,31 @@ def photo_for(
         if camera is not None:
             raise UsageError("--camera tells where a photo was taken from; give that with --photo")
         return None, None, []
-    shot = read_photo(photo)
-    return shot.pixels, read_camera(camera, photo.name, mm_per_unit=mm_per_unit) if camera else None, shot.warnings
+    photo_image = read_photo(photo)
+    return (
+        photo_image.pixels,
+        read_camera(camera, photo.name, mm_per_unit=mm_per_unit) if camera else None,
+        photo_image.warnings,
+    )
 
 
-def write_acquired(made: Acquired, files: ScanFiles) -> list[Path]:
+def write_acquired(acquired: Acquired, files: ScanFiles) -> list[Path]:
     """Write the scan and, if it is asked for, the picture to look at."""
     import numpy as np
 
-    from planish.acquire.picture import picture as drawn
+    from planish.acquire.picture import picture as scan_picture
     from planish.io import write_page, write_scan
     from planish.types import Page
 
-    written = write_scan(files.output, made.scan)
+    written = write_scan(files.output, acquired.scan)
     if files.picture is not None:
-        pixels = drawn(made)
+        pixels = scan_picture(acquired)
         write_page(files.picture, Page(pixels, np.ones(pixels.shape[:2], bool), 100.0))
         written.append(files.picture)
     return written
 
 
-def say(made: Acquired, warnings: list[str], written: list[Path], *, quiet: bool) -> None:
+def print_scan_summary(acquired: Acquired, warnings: list[str], written: list[Path], *, quiet: bool) -> None:
     """Print what was found, for a person; notes go to stderr."""
     import sys
 
@@ -107,15 +111,15 @@ def say(made: Acquired, warnings: list[str], written: list[Path], *, quiet: bool
     if quiet:
         return
     errors = Console(stderr=True, highlight=False, soft_wrap=True, markup=False)
-    if made.scan.photo is None:
+    if acquired.scan.photo is None:
         warnings = [
             *warnings,
             "no colours and no photo: `planish flatten` takes the scan, `planish restore` needs --photo",
         ]
-    for warning in [*warnings, *made.warnings]:
+    for warning in [*warnings, *acquired.warnings]:
         errors.print(f"planish: note: {warning}")
     if sys.stdout.isatty():
-        mesh = made.scan.mesh
-        print(f"{len(mesh.points):,} points, {len(mesh.faces):,} faces, noise {made.noise_mm:.3f} mm")
+        mesh = acquired.scan.mesh
+        print(f"{len(mesh.points):,} points, {len(mesh.faces):,} faces, noise {acquired.noise_mm:.3f} mm")
         for path in written:
             print(f"written  {path}")

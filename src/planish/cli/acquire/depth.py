@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from planish.cli.acquire.common import Mask, ScanFiles, check_scan_files, say, sheet_on, write_acquired
+from planish.cli.acquire.common import Mask, ScanFiles, check_scan_files, print_scan_summary, sheet_mask, write_acquired
 
 
 def depth(
@@ -42,18 +42,18 @@ def depth(
         everywhere.
     """
     from planish.acquire.range_image.depth import from_depth
-    from planish.cli.console import progress
+    from planish.cli.console import progress_bar
     from planish.io import read_camera, read_depths, read_photo
 
     check_scan_files(files)
-    with progress(quiet=files.quiet) as tell:
-        tell("read", 0.0)
+    with progress_bar(quiet=files.quiet) as progress:
+        progress("read", 0.0)
         frames, warnings = read_depths(depth_maps, scale)
         depth_camera = read_camera(camera)
         seen_from = read_camera(photo_camera) if photo_camera else None
-        shot = read_photo(photo)
-        tell("acquire", 0.0)
-        made = from_depth(frames, depth_camera, shot.pixels, seen_from, mask=sheet_on(mask))
-        tell("write", 0.0)
-        written = write_acquired(made, files)
-    say(made, [*warnings, *shot.warnings], written, quiet=files.quiet)
+        photo_image = read_photo(photo)
+        progress("acquire", 0.0)
+        acquired = from_depth(frames, depth_camera, photo_image.pixels, seen_from, mask=sheet_mask(mask))
+        progress("write", 0.0)
+        written = write_acquired(acquired, files)
+    print_scan_summary(acquired, [*warnings, *photo_image.warnings], written, quiet=files.quiet)

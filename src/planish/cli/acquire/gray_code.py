@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from planish.cli.acquire.common import Mask, ScanFiles, check_scan_files, say, sheet_on, write_acquired
+from planish.cli.acquire.common import Mask, ScanFiles, check_scan_files, print_scan_summary, sheet_mask, write_acquired
 from planish.cli.options import Output, Quiet
 
 
@@ -42,21 +42,23 @@ def gray_code(
         everywhere.
     """
     from planish.acquire.structured_light.scan import check_size, from_gray_code
-    from planish.cli.console import progress
+    from planish.cli.console import progress_bar
     from planish.io import read_camera, read_captures, read_photo
 
     check_scan_files(files)
-    with progress(quiet=files.quiet) as tell:
-        tell("read", 0.0)
+    with progress_bar(quiet=files.quiet) as progress:
+        progress("read", 0.0)
         cameras = read_camera(camera), read_camera(projector)
         captured = read_captures(photos)
-        shot = captured.photo if photo is None else read_photo(photo).pixels
-        check_size(shot.shape[:2], cameras[0])
-        tell("acquire", 0.0)
-        made = from_gray_code(captured.frames, *cameras, shot, projector_scale=projector_scale, mask=sheet_on(mask))
-        tell("write", 0.0)
-        written = write_acquired(made, files)
-    say(made, [], written, quiet=files.quiet)
+        photo_image = captured.photo if photo is None else read_photo(photo).pixels
+        check_size(photo_image.shape[:2], cameras[0])
+        progress("acquire", 0.0)
+        acquired = from_gray_code(
+            captured.frames, *cameras, photo_image, projector_scale=projector_scale, mask=sheet_mask(mask)
+        )
+        progress("write", 0.0)
+        written = write_acquired(acquired, files)
+    print_scan_summary(acquired, [], written, quiet=files.quiet)
 
 
 def patterns(

@@ -11,10 +11,10 @@ from planish.cli.acquire.common import (
     Mask,
     ScanFiles,
     check_scan_files,
-    cloud_in_mm,
-    photo_for,
-    say,
-    sheet_on,
+    print_scan_summary,
+    read_optional_photo,
+    sheet_mask,
+    unit_of_cloud,
     write_acquired,
 )
 from planish.settings import Units
@@ -59,23 +59,23 @@ def grid(
 
     from planish.acquire.range_image.grid import from_grid, grid_photo
     from planish.acquire.range_image.shape import grid_shape
-    from planish.cli.console import progress
+    from planish.cli.console import progress_bar
     from planish.io import read_cloud
 
     check_scan_files(files)
-    with progress(quiet=files.quiet) as tell:
-        tell("read", 0.0)
+    with progress_bar(quiet=files.quiet) as progress:
+        progress("read", 0.0)
         cloud = read_cloud(file)
         shape_rc = grid_shape(cloud.points, cloud.shape_rc, size and (size[1], size[0]))
-        mm_per_unit, warnings = cloud_in_mm(cloud, units)
-        shot, seen_by, notes = photo_for(photo, camera, mm_per_unit)
-        tell("acquire", 0.0)
+        mm_per_unit, warnings = unit_of_cloud(cloud, units)
+        photo_image, seen_by, photo_warnings = read_optional_photo(photo, camera, mm_per_unit)
+        progress("acquire", 0.0)
         points = (cloud.points * mm_per_unit).reshape(*shape_rc, 3)
-        if shot is None and cloud.colours is not None:
-            shot = grid_photo(points, cloud.colours.reshape(*shape_rc, 3))
-        stood = cloud.scanner if seen_from is None else np.array(seen_from)
-        eye = None if stood is None else stood * mm_per_unit
-        made = from_grid(points, shot, seen_by, seen_from=eye, mask=sheet_on(mask))
-        tell("write", 0.0)
-        written = write_acquired(made, files)
-    say(made, [*warnings, *notes], written, quiet=files.quiet)
+        if photo_image is None and cloud.colours is not None:
+            photo_image = grid_photo(points, cloud.colours.reshape(*shape_rc, 3))
+        scanner_position = cloud.scanner if seen_from is None else np.array(seen_from)
+        eye = None if scanner_position is None else scanner_position * mm_per_unit
+        acquired = from_grid(points, photo_image, seen_by, seen_from=eye, mask=sheet_mask(mask))
+        progress("write", 0.0)
+        written = write_acquired(acquired, files)
+    print_scan_summary(acquired, [*warnings, *photo_warnings], written, quiet=files.quiet)

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from planish.cli.acquire.common import Mask, ScanFiles, check_scan_files, say, sheet_on, write_acquired
+from planish.cli.acquire.common import Mask, ScanFiles, check_scan_files, print_scan_summary, sheet_mask, write_acquired
 
 
 def laser(
@@ -42,7 +42,7 @@ def laser(
         everywhere.
     """
     from planish.acquire.laser.sweep import from_laser, planes_from_background, sweep_stripes
-    from planish.cli.console import progress
+    from planish.cli.console import progress_bar
     from planish.io import read_camera, read_photo
     from planish.io.captures import image_files
     from planish.io.lasers import read_sweep
@@ -50,17 +50,17 @@ def laser(
     check_scan_files(files)
     paths = [path for path in image_files(frames) if path.resolve() != photo.resolve()]
     names = [path.name for path in paths]
-    with progress(quiet=files.quiet) as tell:
-        tell("read", 0.0)
+    with progress_bar(quiet=files.quiet) as progress:
+        progress("read", 0.0)
         seen_from = read_camera(camera)
-        known = read_sweep(planes, names, motion, seen_from)
+        laser_planes = read_sweep(planes, names, motion, seen_from)
         off = read_photo(photo)
-        lines = 1 if isinstance(known, tuple) else known.shape[1]
-        sweep = sweep_stripes(lambda k: read_photo(paths[k]).pixels, names, off.pixels, lines=lines, tell=tell)
-        tell("acquire", 0.0)
-        if isinstance(known, tuple):
-            known = planes_from_background(sweep, names, seen_from, *known)
-        made = from_laser(sweep, names, off.pixels, seen_from, known, mask=sheet_on(mask))
-        tell("write", 0.0)
-        written = write_acquired(made, files)
-    say(made, off.warnings, written, quiet=files.quiet)
+        lines = 1 if isinstance(laser_planes, tuple) else laser_planes.shape[1]
+        sweep = sweep_stripes(lambda k: read_photo(paths[k]).pixels, names, off.pixels, lines=lines, tell=progress)
+        progress("acquire", 0.0)
+        if isinstance(laser_planes, tuple):
+            laser_planes = planes_from_background(sweep, names, seen_from, *laser_planes)
+        acquired = from_laser(sweep, names, off.pixels, seen_from, laser_planes, mask=sheet_mask(mask))
+        progress("write", 0.0)
+        written = write_acquired(acquired, files)
+    print_scan_summary(acquired, off.warnings, written, quiet=files.quiet)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from planish.cli.acquire.common import Mask, ScanFiles, check_scan_files, say, sheet_on, write_acquired
+from planish.cli.acquire.common import Mask, ScanFiles, check_scan_files, print_scan_summary, sheet_mask, write_acquired
 
 if TYPE_CHECKING:
     from planish.types import Camera
@@ -38,22 +38,26 @@ def laser_lines(
         everywhere, with what lies around the book.
     """
     from planish.acquire.laser.lines import from_laser_lines
-    from planish.cli.console import progress
+    from planish.cli.console import progress_bar
     from planish.io import read_camera, read_photo
     from planish.io.lasers import check_camera, read_rig
 
     check_scan_files(files)
-    with progress(quiet=files.quiet) as tell:
-        tell("read", 0.0)
-        planes, held, notes = read_rig(lasers)
-        seen_from = held if camera is None else read_camera(camera)
-        check_camera(lasers, held, seen_from)
+    with progress_bar(quiet=files.quiet) as progress:
+        progress("read", 0.0)
+        planes, rig_camera, photo_warnings = read_rig(lasers)
+        seen_from = rig_camera if camera is None else read_camera(camera)
+        check_camera(lasers, rig_camera, seen_from)
         on, off = read_photo(lit), None if photo is None else read_photo(photo)
-        tell("acquire", 0.0)
-        made = from_laser_lines(on.pixels, None if off is None else off.pixels, seen_from, planes, mask=sheet_on(mask))
-        tell("write", 0.0)
-        written = write_acquired(made, files)
-    say(made, [*notes, *on.warnings, *([] if off is None else off.warnings)], written, quiet=files.quiet)
+        progress("acquire", 0.0)
+        acquired = from_laser_lines(
+            on.pixels, None if off is None else off.pixels, seen_from, planes, mask=sheet_mask(mask)
+        )
+        progress("write", 0.0)
+        written = write_acquired(acquired, files)
+    print_scan_summary(
+        acquired, [*photo_warnings, *on.warnings, *([] if off is None else off.warnings)], written, quiet=files.quiet
+    )
 
 
 def camera_of(photo: Path, shape_rc: tuple[int, int]) -> Camera:

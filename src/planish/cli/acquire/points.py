@@ -11,10 +11,10 @@ from planish.cli.acquire.common import (
     Mask,
     ScanFiles,
     check_scan_files,
-    cloud_in_mm,
-    photo_for,
-    say,
-    sheet_on,
+    print_scan_summary,
+    read_optional_photo,
+    sheet_mask,
+    unit_of_cloud,
     write_acquired,
 )
 from planish.settings import Units
@@ -53,24 +53,30 @@ def points(
     import numpy as np
 
     from planish.acquire.points.scan import from_points
-    from planish.cli.console import progress
+    from planish.cli.console import progress_bar
     from planish.errors import UsageError
     from planish.io import read_cloud
 
     check_scan_files(files)
     if photo is not None and camera is None:
         raise UsageError("--photo needs --camera here: nothing else tells where the points lie on it")
-    with progress(quiet=files.quiet) as tell:
-        tell("read", 0.0)
+    with progress_bar(quiet=files.quiet) as progress:
+        progress("read", 0.0)
         cloud = read_cloud(file)
-        mm_per_unit, warnings = cloud_in_mm(cloud, units)
-        shot, seen_by, notes = photo_for(photo, camera, mm_per_unit)
-        tell("acquire", 0.0)
-        stood = cloud.scanner if seen_from is None else np.array(seen_from)
-        eye = None if stood is None else stood * mm_per_unit
-        made = from_points(
-            cloud.points * mm_per_unit, cloud.colours, cloud.normals, shot, seen_by, seen_from=eye, mask=sheet_on(mask)
+        mm_per_unit, warnings = unit_of_cloud(cloud, units)
+        photo_image, seen_by, photo_warnings = read_optional_photo(photo, camera, mm_per_unit)
+        progress("acquire", 0.0)
+        scanner_position = cloud.scanner if seen_from is None else np.array(seen_from)
+        eye = None if scanner_position is None else scanner_position * mm_per_unit
+        acquired = from_points(
+            cloud.points * mm_per_unit,
+            cloud.colours,
+            cloud.normals,
+            photo_image,
+            seen_by,
+            seen_from=eye,
+            mask=sheet_mask(mask),
         )
-        tell("write", 0.0)
-        written = write_acquired(made, files)
-    say(made, [*warnings, *notes], written, quiet=files.quiet)
+        progress("write", 0.0)
+        written = write_acquired(acquired, files)
+    print_scan_summary(acquired, [*warnings, *photo_warnings], written, quiet=files.quiet)

@@ -47,23 +47,23 @@ def virtual(
     """
     from planish.cli.acquire.virtual_clouds import grid, points
     from planish.cli.acquire.virtual_laser import laser, laser_lines
-    from planish.cli.console import progress
+    from planish.cli.console import progress_bar
     from planish.cli.demo import SHEETS
     from planish.gallery import sheet as known_sheet
     from planish.io import make_folder, write_page
 
     make_folder(output)
-    with progress(quiet=quiet) as tell:
-        tell("scan", 0.0)
+    with progress_bar(quiet=quiet) as progress:
+        progress("scan", 0.0)
         if device == "boards":
             _boards(output, small, phase_steps)
             return
-        shown = known_sheet(SHEETS[sheet])
+        known = known_sheet(SHEETS[sheet])
         if device == "gray-code":
-            page = _gray_code(output, shown, small, phase_steps)
+            page = _gray_code(output, known, small, phase_steps)
         else:
-            made = {"depth": _depth, "laser": laser, "laser-lines": laser_lines, "grid": grid, "points": points}
-            page = made[device](output, shown, small)
+            capture = {"depth": _depth, "laser": laser, "laser-lines": laser_lines, "grid": grid, "points": points}
+            page = capture[device](output, known, small)
         write_page(output / "page.png", page)
 
 
@@ -72,12 +72,12 @@ def _depth(folder: Path, sheet: Sheet, small: bool) -> Page:
 
     from planish.gallery.devices import depth_capture
 
-    made = depth_capture(sheet, shape_rc=(240, 320), photo_px=(1000, 750)) if small else depth_capture(sheet)
-    write_images(folder / "depth", [frame.astype(np.uint16) for frame in made.frames])
-    write_images(folder, [made.photo], "photo.png")
-    write_camera(folder / "depth_camera.json", made.camera)
-    write_camera(folder / "photo_camera.json", made.photo_camera)
-    return made.page
+    capture = depth_capture(sheet, shape_rc=(240, 320), photo_px=(1000, 750)) if small else depth_capture(sheet)
+    write_images(folder / "depth", [frame.astype(np.uint16) for frame in capture.frames])
+    write_images(folder, [capture.photo], "photo.png")
+    write_camera(folder / "depth_camera.json", capture.camera)
+    write_camera(folder / "photo_camera.json", capture.photo_camera)
+    return capture.page
 
 
 def _gray_code(folder: Path, sheet: Sheet, small: bool, phase_steps: int) -> Page:
@@ -87,9 +87,9 @@ def _gray_code(folder: Path, sheet: Sheet, small: bool, phase_steps: int) -> Pag
 
     camera, projector = projector_rig(sheet, *SMALL_RIG) if small else projector_rig(sheet)
     page, _ = typeset_sheet(sheet)
-    made = structured_light(sheet, camera, projector, with_code(projector.shape_rc, phase_steps), page)
-    write_images(folder / "photos", list(made.frames))
-    write_images(folder, [made.photo], "photo.png")
+    capture = structured_light(sheet, camera, projector, with_code(projector.shape_rc, phase_steps), page)
+    write_images(folder / "photos", list(capture.frames))
+    write_images(folder, [capture.photo], "photo.png")
     write_camera(folder / "camera.json", camera)
     write_camera(folder / "projector.json", projector)
     return page
@@ -106,7 +106,7 @@ def _boards(folder: Path, small: bool, phase_steps: int) -> None:
     whites = []
     for k, (turn, middle) in enumerate(board_poses(8)):
         board, page = posed(pixels, 90, BOARD_MM, turn, middle)
-        made = structured_light(board, camera, projector, with_code(projector.shape_rc, phase_steps), page)
-        write_images(folder / f"pose_{k}", list(made.frames))
-        whites.append(made.frames[-2])
+        capture = structured_light(board, camera, projector, with_code(projector.shape_rc, phase_steps), page)
+        write_images(folder / f"pose_{k}", list(capture.frames))
+        whites.append(capture.frames[-2])
     write_images(folder / "camera", whites)

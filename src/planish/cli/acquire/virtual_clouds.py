@@ -19,11 +19,11 @@ def grid(folder: Path, sheet: Sheet, small: bool) -> Page:
     from planish.gallery.clouds import range_image
 
     sides = (320, 240) if sheet.height_mm >= sheet.width_mm else (240, 320)
-    made = range_image(sheet, shape_rc=sides if small else None)
-    rows, cols = made.points.shape[:2]
-    points, colours = np.nan_to_num(made.points).reshape(-1, 3), made.colours.reshape(-1, 3)
+    capture = range_image(sheet, shape_rc=sides if small else None)
+    rows, cols = capture.points.shape[:2]
+    points, colours = np.nan_to_num(capture.points).reshape(-1, 3), capture.colours.reshape(-1, 3)
     _write_points(folder / "range.ply", points, colours, [f"width {cols}", f"height {rows}", "units: mm"])
-    return made.page
+    return capture.page
 
 
 def points(folder: Path, sheet: Sheet, small: bool) -> Page:
@@ -31,12 +31,12 @@ def points(folder: Path, sheet: Sheet, small: bool) -> Page:
     from planish.cli.acquire.virtual_files import write_camera, write_images
     from planish.gallery.clouds import photo_points
 
-    made = photo_points(sheet, points=75_000, photo_px=(2000, 1500)) if small else photo_points(sheet)
-    assert made.photo is not None
-    _write_points(folder / "points.ply", made.points, made.colours, ["units: mm"], made.normals)
-    write_images(folder, [made.photo], "photo.png")
-    write_camera(folder / "photo_camera.json", made.camera)
-    return made.page
+    capture = photo_points(sheet, points=75_000, photo_px=(2000, 1500)) if small else photo_points(sheet)
+    assert capture.photo is not None
+    _write_points(folder / "points.ply", capture.points, capture.colours, ["units: mm"], capture.normals)
+    write_images(folder, [capture.photo], "photo.png")
+    write_camera(folder / "photo_camera.json", capture.camera)
+    return capture.page
 
 
 def _write_points(

@@ -28,12 +28,12 @@ def laser(folder: Path, sheet: Sheet, small: bool) -> Page:
     from planish.gallery.laser import MIRROR_MM, lit_sheet, plane_through, turned_deg, virtual_sweep
 
     count, photo_px, line_mm = (48, (640, 480), 0.8) if small else (200, (2000, 1500), 0.35)
-    made = virtual_sweep(sheet, frames=count, photo_px=photo_px, line_mm=line_mm)
-    write_images(folder / "frames", (made.frame(k) for k in range(count)))
-    write_images(folder, [made.photo], "off.png")
-    _write_angles(folder / "frames.csv", turned_deg(made.planes[:, 0]))
+    capture = virtual_sweep(sheet, frames=count, photo_px=photo_px, line_mm=line_mm)
+    write_images(folder / "frames", (capture.frame(k) for k in range(count)))
+    write_images(folder, [capture.photo], "off.png")
+    _write_angles(folder / "frames.csv", turned_deg(capture.planes[:, 0]))
     feet = np.repeat(FEET_MM, 2)
-    shown = []
+    known = []
     for foot, (turn, middle) in zip(feet, board_poses(len(feet)), strict=True):
         middle[2] -= LOWER_MM
         # so far down the way from the mirror to the table the light is as high as the board
@@ -41,12 +41,12 @@ def laser(folder: Path, sheet: Sheet, small: bool) -> Page:
         middle[0] = np.clip(light, -ASIDE_MM, ASIDE_MM)
         board, print_ = _board((turn, middle))
         plane = plane_through(MIRROR_MM, (foot, 0.0, 0.0))[None, None]
-        shown.append(lit_sheet(board, plane, printed=(print_, ""), camera=made.camera, line_mm=line_mm))
-    write_images(folder / "camera", (board.photo for board in shown))
-    write_images(folder / "boards", (board.frame(0) for board in shown))
-    _write_angles(folder / "boards.csv", turned_deg(np.concatenate([board.planes[:, 0] for board in shown])))
-    write_camera(folder / "camera.json", made.camera)
-    return made.page
+        known.append(lit_sheet(board, plane, printed=(print_, ""), camera=capture.camera, line_mm=line_mm))
+    write_images(folder / "camera", (board.photo for board in known))
+    write_images(folder / "boards", (board.frame(0) for board in known))
+    _write_angles(folder / "boards.csv", turned_deg(np.concatenate([board.planes[:, 0] for board in known])))
+    write_camera(folder / "camera.json", capture.camera)
+    return capture.page
 
 
 def laser_lines(folder: Path, sheet: Sheet, small: bool) -> Page:
@@ -54,15 +54,15 @@ def laser_lines(folder: Path, sheet: Sheet, small: bool) -> Page:
     from planish.gallery.laser import squared_paper, virtual_lines
 
     photo_px, line_mm = ((900, 700), 0.8) if small else ((2000, 1500), 0.5)
-    made = virtual_lines(sheet, photo_px=photo_px, line_mm=line_mm)
+    capture = virtual_lines(sheet, photo_px=photo_px, line_mm=line_mm)
     squared = virtual_lines(
-        sheet, photo_px=photo_px, line_mm=line_mm, printed=squared_paper(sheet, SQUARE_MM), camera=made.camera
+        sheet, photo_px=photo_px, line_mm=line_mm, printed=squared_paper(sheet, SQUARE_MM), camera=capture.camera
     )
-    for name, taken in (("book", made), ("squared", squared)):
+    for name, taken in (("book", capture), ("squared", squared)):
         write_images(folder, [taken.frame(0)], f"{name}_on.png")
         write_images(folder, [taken.photo], f"{name}_off.png")
-    write_camera(folder / "camera.json", made.camera)
-    return made.page
+    write_camera(folder / "camera.json", capture.camera)
+    return capture.page
 
 
 def _board(pose: tuple[Floats, Floats]) -> tuple[Sheet, Page]:

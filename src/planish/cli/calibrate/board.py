@@ -81,17 +81,17 @@ def camera(
     """
     from planish.acquire.calibration.boards import Board
     from planish.acquire.calibration.camera import calibrate_camera
-    from planish.cli.console import progress
+    from planish.cli.console import progress_bar
     from planish.io import read_captures
 
     check_files(output, picture, overwrite=overwrite)
-    shown = Board(*squares, square_mm, kind)
-    with progress(quiet=quiet) as tell:
-        tell("read", 0.0)
+    target = Board(*squares, square_mm, kind)
+    with progress_bar(quiet=quiet) as progress:
+        progress("read", 0.0)
         captured = read_captures(photos)
-        tell("calibrate", 0.0)
-        found = calibrate_camera(list(captured.frames), shown, [path.name for path in captured.paths])
-    write_calibration(found, shown, output, picture, quiet=quiet)
+        progress("calibrate", 0.0)
+        calibration = calibrate_camera(list(captured.frames), target, [path.name for path in captured.paths])
+    write_calibration(calibration, target, output, picture, quiet=quiet)
 
 
 def projector(
@@ -136,18 +136,18 @@ def projector(
     """
     from planish.acquire.calibration.boards import Board
     from planish.acquire.calibration.camera import calibrate_projector
-    from planish.cli.console import progress
+    from planish.cli.console import progress_bar
     from planish.io import read_camera, read_captures
 
     check_files(output, picture, overwrite=overwrite)
-    shown = Board(*squares, square_mm, kind)
-    with progress(quiet=quiet) as tell:
-        tell("read", 0.0)
-        seen_from = read_camera(camera)
+    target = Board(*squares, square_mm, kind)
+    with progress_bar(quiet=quiet) as progress:
+        progress("read", 0.0)
+        camera_model = read_camera(camera)
         captures = []
         for k, pose in enumerate(poses):
-            tell("read", k / len(poses))
+            progress("read", k / len(poses))
             captures.append(read_captures([pose]).frames)
-        tell("calibrate", 0.0)
-        found = calibrate_projector(captures, shown, seen_from, (size[1], size[0]))
-    write_calibration(found, shown, output, picture, quiet=quiet)
+        progress("calibrate", 0.0)
+        calibration = calibrate_projector(captures, target, camera_model, (size[1], size[0]))
+    write_calibration(calibration, target, output, picture, quiet=quiet)

@@ -16,7 +16,9 @@ SquareMm = Annotated[float, Parameter(name="--square-mm")]
 Kind = Annotated[Literal["charuco", "chessboard"], Parameter(name="--kind")]
 
 
-def write_calibration(found: Calibration, board: Board, output: Path, picture: Path | None, *, quiet: bool) -> None:
+def write_calibration(
+    calibration: Calibration, board: Board, output: Path, picture: Path | None, *, quiet: bool
+) -> None:
     """Write the JSON and the picture; say how good the calibration is."""
     import sys
 
@@ -29,19 +31,20 @@ def write_calibration(found: Calibration, board: Board, output: Path, picture: P
     from planish.types import Page
 
     note = (
-        f"{len(found.errors_px)} photos of a board of {board.columns} x {board.rows} squares of {board.square_mm:g} "
-        f"mm; reprojection error {found.rms_px:.3f} px rms; focal length known to {100 * found.focal_sd:.2f} %"
+        f"{len(calibration.errors_px)} photos of a board of {board.columns} x {board.rows} squares of "
+        f"{board.square_mm:g} mm; reprojection error {calibration.rms_px:.3f} px rms; "
+        f"focal length known to {100 * calibration.focal_sd:.2f} %"
     )
-    write_json(output, {**camera_as_json(found.camera), "note": note})
+    write_json(output, {**camera_as_json(calibration.camera), "note": note})
     if picture is not None:
-        pixels = poses_picture(found, board)
+        pixels = poses_picture(calibration, board)
         write_page(picture, Page(pixels, np.ones(pixels.shape[:2], bool), 100.0))
     if quiet:
         return
     errors = Console(stderr=True, highlight=False, soft_wrap=True, markup=False)
-    for warning in found.warnings:
+    for warning in calibration.warnings:
         errors.print(f"planish: note: {warning}")
     if sys.stdout.isatty():
         print(note)
-        print("each photo, px:", *(f"{error:.2f}" for error in found.errors_px))
+        print("each photo, px:", *(f"{error:.2f}" for error in calibration.errors_px))
         print(f"written  {output}")

@@ -65,20 +65,20 @@ def laser(
 
     check_writable(output, overwrite=overwrite)
     paths = image_files(photos)
-    seen_from = read_camera(camera)
+    camera_model = read_camera(camera)
     pixels = [read_photo(path).pixels for path in paths]
     names = [path.name for path in paths]
-    shown = Board(*squares, square_mm, kind)
+    target = Board(*squares, square_mm, kind)
     if motion is None:
-        found = planes_of_boards(pixels, names, seen_from, shown, lines=lines)
-        write_rig(output, found.planes, seen_from)
-        points, off = found.points, " and ".join(f"{rms:.3f}" for rms in found.rms_mm)
+        calibration = planes_of_boards(pixels, names, camera_model, target, lines=lines)
+        write_rig(output, calibration.planes, camera_model)
+        points, off = calibration.points, " and ".join(f"{rms:.3f}" for rms in calibration.rms_mm)
     else:
         moved, angles = read_motion(motion, names)
         if moved != "angles_deg" or lines != 1:
             raise UsageError("the axis is found for one laser line and from angles: --lines 1, and a column angle_deg")
-        axis = axis_of_boards(pixels, names, seen_from, shown, angles)
-        write_rig(output, axis.plane[None], seen_from, axis=(axis.point, axis.direction))
+        axis = axis_of_boards(pixels, names, camera_model, target, angles)
+        write_rig(output, axis.plane[None], camera_model, axis=(axis.point, axis.direction))
         points, off = axis.points, f"{axis.rms_mm:.3f}"
     if not quiet:
         print(f"{points:,} points on {len(paths)} boards, {off} mm rms off the laser's plane")
@@ -125,9 +125,9 @@ def laser_lines(
 
     check_writable(output, overwrite=overwrite)
     on, off = read_photo(lit).pixels, None if photo is None else read_photo(photo).pixels
-    seen_from = camera_of(lit, on.shape[:2]) if camera is None else read_camera(camera)
+    camera_model = camera_of(lit, on.shape[:2]) if camera is None else read_camera(camera)
     side = GUESSED_SQUARE_MM if square_mm is None else square_mm
-    rig = rig_of_squares(on, off, seen_from, side, lens=not seen_from.distortion.any())
+    rig = rig_of_squares(on, off, camera_model, side, lens=not camera_model.distortion.any())
     note = None
     if square_mm is None:
         note = (

@@ -1,4 +1,4 @@
-"""Pictures of every stage, as the paper's figures 4 and 5 show them."""
+"""Images of every stage (`--stages`), like figures 4 and 5 of the paper, and the quality certificate."""
 
 from __future__ import annotations
 
@@ -19,48 +19,50 @@ CAPTIONS = {
     "5-restored": "The page",
     "7-expected-error": "Expected error",
     "2-warped-binary": "The photo, black and white",
-    "4-mesh-after": "The scan, laid flat",
+    "4-mesh-after": "The scan, flattened",
     "6-restored-binary": "The page, black and white",
     "8-strain": "Strain",
 }
-"""Of the sheet of all pictures, in its order: colour above black and white, before left of after, maps last."""
+"""Captions of the contact sheet in its order: colour above binary, before left of after, maps last."""
 
 
-def write_stages(folder: Path, done: Restoration) -> list[Path]:
-    """Write the warped photo, the restored page, both in black and white, the mesh before and after, and all in one.
+def write_stages(folder: Path, restoration: Restoration) -> list[Path]:
+    """Write photo, page, both binarized, mesh before and after, quality maps, and a contact sheet of all of them.
 
     Parameters
     ----------
     folder : Path
-        Made if there is none.
-    done : Restoration
-        With a page.
+        Created if it does not exist.
+    restoration : Restoration
+        With a rendered page.
 
     Returns
     -------
     list of Path
         The files written.
     """
-    scan = done.prepared.scan
+    scan = restoration.prepared.scan
     assert scan.photo is not None
-    assert done.rendered is not None
-    photo = _as_page(scan.photo, done.report.page.effective_ppi_median or 300.0)
-    page = done.unshaded or done.rendered
-    prepared, flat = done.prepared, done.flattening
+    assert restoration.rendered is not None
+    photo = _as_page(scan.photo, restoration.report.page.effective_ppi_median or 300.0)
+    page = restoration.unshaded or restoration.rendered
+    prepared, flat = restoration.prepared, restoration.flattening
     faces = scan.mesh.faces
     page_xy, error, strain = (from_file_order(prepared, v) for v in (flat.page_xy, flat.error_mm, flat.local_strain))
-    before, after = standing_and_lying(scan.mesh, page_xy)
+    before, after = before_and_after(scan.mesh, page_xy)
     pictures: dict[str, Pixels | Bools] = {
         "1-warped": photo.pixels,
-        "2-warped-binary": _in_black_and_white(photo),
+        "2-warped-binary": _binary_image(photo),
         "3-mesh-before": relief(before, faces),
         "4-mesh-after": relief(after, faces),
         "5-restored": page.pixels,
-        "6-restored-binary": done.binary.pixels if done.binary else _in_black_and_white(page),
+        "6-restored-binary": restoration.binary.pixels if restoration.binary else _binary_image(page),
         "7-expected-error": heat_map(page_xy, faces, error, flat.size_mm, "expected error, mm"),
         "8-strain": heat_map(page_xy, faces, 100 * strain, flat.size_mm, "strain, %"),
     }
-    pictures["all"] = contact_sheet({said: pictures[name] for name, said in CAPTIONS.items()}, "From scan to page")
+    pictures["all"] = contact_sheet(
+        {caption: pictures[name] for name, caption in CAPTIONS.items()}, "From scan to page"
+    )
     make_folder(folder)
     written = []
     for name, pixels in pictures.items():
@@ -70,22 +72,22 @@ def write_stages(folder: Path, done: Restoration) -> list[Path]:
     return written
 
 
-def write_certificate(path: Path, name: str, done: Restoration) -> None:
-    """Write the quality certificate of a restoration, an A4 sheet."""
-    write_page(path, _as_page(certificate(done, name), DPI))
+def write_certificate(path: Path, name: str, restoration: Restoration) -> None:
+    """Write the quality certificate of a restoration, one A4 page."""
+    write_page(path, _as_page(certificate(restoration, name), DPI))
 
 
-def standing_and_lying(mesh: Mesh, page_xy: Floats) -> tuple[Floats, Floats]:
-    """Points of the sheet on its table, and flat on it in the same place; the page's top is away from the viewer."""
+def before_and_after(mesh: Mesh, page_xy: Floats) -> tuple[Floats, Floats]:
+    """Points of the scan on its support plane, and of the flattened page aligned with them; page top at +y."""
     points, _, _ = onto_support_plane(mesh)
     page = (page_xy - page_xy.mean(axis=0)) * [1, -1]
-    standing = points - [*points[:, :2].mean(axis=0), 0]
-    standing[:, :2] = standing[:, :2] @ _rotation_onto(standing[:, :2], page).T
-    return standing, np.c_[page, 0 * page[:, :1]]
+    scanned = points - [*points[:, :2].mean(axis=0), 0]
+    scanned[:, :2] = scanned[:, :2] @ _rotation_onto(scanned[:, :2], page).T
+    return scanned, np.c_[page, 0 * page[:, :1]]
 
 
 def _rotation_onto(xy: Floats, target: Floats) -> Floats:
-    """The rotation (2, 2) that brings centred places closest to others (Kabsch)."""
+    """Least-squares rotation (2, 2) of centred points onto centred targets (Kabsch 1976)."""
     u, _, vt = np.linalg.svd(target.T @ xy)
     return np.asarray(u @ np.diag([1, np.sign(np.linalg.det(u @ vt))]) @ vt)
 
@@ -94,5 +96,5 @@ def _as_page(pixels: Pixels | Bools, dpi: float) -> Page:
     return Page(pixels, np.ones(pixels.shape[:2], bool), dpi)
 
 
-def _in_black_and_white(page: Page) -> Bools:
+def _binary_image(page: Page) -> Bools:
     return binarize(page).pixels  # type: ignore[return-value]

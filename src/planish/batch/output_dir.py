@@ -6,7 +6,7 @@
     OUT/.planish/lock                                held by the one run that may write
     OUT/.planish/work/                               items in the making; cleared by the next run
 
-An item is written in `work` and moved to its place by one rename: whoever looks at NAME sees all of it or nothing.
+An item is written in `work_dir` and moved to its place by one rename: whoever looks at NAME sees all of it or nothing.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from pathlib import Path
 from typing import IO
 
 from planish.batch.items import Item
-from planish.batch.journal import Entry, Journal, given
-from planish.batch.row import row_from
+from planish.batch.journal import Entry, Journal, item_as_json
+from planish.batch.row import row_from_json
 from planish.errors import OutputError
 from planish.io.files import check_writable, make_folder, telling
 
@@ -32,20 +32,20 @@ RECORD = "item.json"
 """In every item's folder: what it was made from, and how it ended."""
 
 
-class Shelf:
-    """An output folder that this run alone writes to. Made by `opened`."""
+class OutputDir:
+    """An output folder that this run alone writes to. Made by `open_output_dir`."""
 
     def __init__(self, folder: Path, journal: Journal) -> None:
         self.folder = folder
-        self.work = folder / ".planish" / "work"
+        self.work_dir = folder / ".planish" / "work"
         self.journal = journal
 
-    def in_place(self, entry: Entry) -> bool:
+    def is_complete(self, entry: Entry) -> bool:
         """Whether all files of an entry are where they belong."""
-        place = self.folder / entry.row.name
-        return all((place / name).exists() for name in (RECORD, *entry.row.files))
+        destination = self.folder / entry.row.name
+        return all((destination / name).exists() for name in (RECORD, *entry.row.files))
 
-    def known(self, item: Item) -> Entry | None:
+    def previous_entry(self, item: Item) -> Entry | None:
         """What was done of an item, in this order or another: from the journal, or else from the item's folder.
 
         Raises
@@ -53,15 +53,15 @@ class Shelf:
         OutputError
             Where something else than an item stands in its place.
         """
-        place = self.folder / item.name
-        entry = self.journal.entries.get(item.name) or read_record(place, item)
-        if place.exists() and not (place / RECORD).exists() and (entry is None or not place.is_dir()):
+        destination = self.folder / item.name
+        entry = self.journal.entries.get(item.name) or read_record(destination, item)
+        if destination.exists() and not (destination / RECORD).exists() and (entry is None or not destination.is_dir()):
             raise OutputError(
-                f"{place} is in the way and was not made by planish batch; move it, or choose another folder with -o"
+                f"{destination} exists and was not made by planish batch; move it, or choose another folder with -o"
             )
-        return entry if entry is not None and self.in_place(entry) else None
+        return entry if entry is not None and self.is_complete(entry) else None
 
-    def place(self, made: Path, name: str) -> None:
+    def move_into_place(self, finished: Path, name: str) -> None:
         """Move a finished folder to its place, instead of what stands there.
 
         Raises
@@ -73,13 +73,13 @@ class Shelf:
         make_folder(target.parent)
         with telling(target):
             if target.exists():
-                target.rename(self.work / f"before-{secrets.token_hex(8)}")
-            made.rename(target)
-            sync(target.parent)
+                target.rename(self.work_dir / f"before-{secrets.token_hex(8)}")
+            finished.rename(target)
+            fsync_path(target.parent)
 
 
 @contextmanager
-def opened(folder: Path) -> Iterator[Shelf]:
+def open_output_dir(folder: Path) -> Iterator[OutputDir]:
     """Open an output folder for this run alone; it is made if there is none.
 
     Raises
@@ -87,20 +87,20 @@ def opened(folder: Path) -> Iterator[Shelf]:
     OutputError
         Where another run writes to it, or the system refuses.
     """
-    own = folder / ".planish"
-    make_folder(own)
-    check_writable(own / "lock")
+    state_dir = folder / ".planish"
+    make_folder(state_dir)
+    check_writable(state_dir / "lock")
     with ExitStack() as stack:
         with telling(folder):
-            lock = stack.enter_context((own / "lock").open("a+"))
-            _take(lock, folder)
-            _clear(own / "work")
-            journal = stack.enter_context(Journal(own / "journal.jsonl"))
-        stack.callback(_clear, own / "work")
-        yield Shelf(folder, journal)
+            lock = stack.enter_context((state_dir / "lock").open("a+"))
+            _acquire_lock(lock, folder)
+            _clear_folder(state_dir / "work")
+            journal = stack.enter_context(Journal(state_dir / "journal.jsonl"))
+        stack.callback(_clear_folder, state_dir / "work")
+        yield OutputDir(folder, journal)
 
 
-def _take(lock: IO[str], folder: Path) -> None:
+def _acquire_lock(lock: IO[str], folder: Path) -> None:
     """Hold the lock until the file is closed, which the system does however the process ends."""
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -115,10 +115,10 @@ def _take(lock: IO[str], folder: Path) -> None:
     lock.flush()
 
 
-def _clear(work: Path) -> None:
+def _clear_folder(work_dir: Path) -> None:
     """Take away what an earlier run was making when it ended."""
-    shutil.rmtree(work, ignore_errors=True)
-    work.mkdir(exist_ok=True)
+    shutil.rmtree(work_dir, ignore_errors=True)
+    work_dir.mkdir(exist_ok=True)
 
 
 def write_record(folder: Path, entry: Entry) -> None:
@@ -128,30 +128,30 @@ def write_record(folder: Path, entry: Entry) -> None:
     """
     plain = {
         "row": entry.row.plain(),
-        "order": entry.order,
+        "options": entry.options,
         "inputs": entry.inputs,
-        "sha256": {Path(stamp.path).name: stamp.sha256 or None for stamp in entry.stamps},
+        "sha256": {Path(stamp.path).name: stamp.sha256 or None for stamp in entry.file_stamps},
     }
     path = folder / RECORD
     with telling(path):
         path.write_text(json.dumps(plain, indent=2, ensure_ascii=True) + "\n")
         for file in [*folder.iterdir(), folder]:
-            sync(file)
+            fsync_path(file)
 
 
 def read_record(folder: Path, item: Item) -> Entry | None:
     """The entry of an item's folder, without stamps, so that its files will be looked at; None where there is none."""
     try:
         plain = json.loads((folder / RECORD).read_bytes())
-        row = row_from(plain["row"])
+        row = row_from_json(plain["row"])
         if row is None or row.name != item.name:
             return None
-        return Entry(row, given(item), plain["order"], plain["inputs"], ())
+        return Entry(row, item_as_json(item), plain["options"], plain["inputs"], ())
     except (OSError, ValueError, TypeError, KeyError):
         return None
 
 
-def sync(path: Path) -> None:
+def fsync_path(path: Path) -> None:
     """Have the system put a file or a folder on the disk before anything that follows."""
     handle = os.open(path, os.O_RDONLY)
     try:

@@ -11,7 +11,7 @@ from PIL import Image
 
 from planish.settings import ServeSettings
 from planish.web.form import Form
-from planish.web.problems import Refusal
+from planish.web.problems import HTTPProblem
 from planish.web.unpack import unpack
 
 MESHES = {".obj": "OBJ", ".ply": "PLY", ".glb": "GLB", ".gltf": "glTF"}
@@ -24,11 +24,11 @@ IMAGES = {
     **dict.fromkeys((".jp2", ".j2k"), "JPEG 2000"),
     **dict.fromkeys((".ppm", ".pgm", ".pnm"), "PPM"),
 }
-_TEXTS = (".obj", ".mtl", ".gltf", ".json")
-_BESIDE = (".mtl", ".bin", ".json")
+_TEXT_SUFFIXES = (".obj", ".mtl", ".gltf", ".json")
+_COMPANION_SUFFIXES = (".mtl", ".bin", ".json")
 _DECODERS = ("JPEG", "PNG", "TIFF", "WEBP", "BMP", "JPEG2000", "PPM")
-_GRIDS = {"meta.json", "x.tif", "y.tif", "z.tif"}
-_HEAD = 1 << 16
+_TIFXYZ_FILES = {"meta.json", "x.tif", "y.tif", "z.tif"}
+_HEAD_BYTES = 1 << 16
 
 
 @dataclass(frozen=True)
@@ -50,37 +50,39 @@ class Upload:
     title: str
 
 
-def look(form: Form, folder: Path, limits: ServeSettings) -> Upload:
+def inspect_upload(form: Form, folder: Path, limits: ServeSettings) -> Upload:
     """Check all files of an upload, unpack a zip among them, and tell which is what.
 
     Raises
     ------
-    Refusal
+    HTTPProblem
         415 for kinds of files that are not read, 413 for what is too large, 422 for what does not make one scan.
     """
     files = form.files["scan"]
     if not files:
-        raise Refusal(422, "no scan came; send its files as scan: OBJ, PLY, GLB or glTF with its photo, or one zip")
+        raise HTTPProblem(422, "no scan came; send its files as scan: OBJ, PLY, GLB or glTF with its photo, or one zip")
     title = files[0].name
     zips = [path for path in files if path.suffix.lower() == ".zip"]
     if zips:
         if len(files) > 1:
-            raise Refusal(422, f"{zips[0].name!a} came with other files; send one zip alone, or files without it")
-        files = _unpacked(zips[0], folder, limits)
+            raise HTTPProblem(422, f"{zips[0].name!a} came with other files; send one zip alone, or files without it")
+        files = _unpack_zip(zips[0], folder, limits)
     for path in (*files, *form.files["photo"], *form.files["camera"]):
         _check_file(path, limits)
     _check_kinds(form)
-    if {path.name for path in files} >= _GRIDS:
+    if {path.name for path in files} >= _TIFXYZ_FILES:
         return _upload(".", form.files["photo"], form.files["camera"], title if zips else "tifxyz")
     meshes = [path for path in files if path.suffix.lower() in MESHES]
     if len(meshes) != 1:
         what = "no mesh is" if not meshes else f"{len(meshes)} meshes are"
-        raise Refusal(422, f"{what} among the files; one OBJ, PLY, GLB or glTF is wanted, or the files of a tifxyz")
+        raise HTTPProblem(422, f"{what} among the files; one OBJ, PLY, GLB or glTF is wanted, or the files of a tifxyz")
     photo, camera = form.files["photo"], form.files["camera"]
-    if not photo and not _names_an_image(meshes[0], files):
-        photo, camera = _beside(files, camera)
+    if not photo and not _references_image(meshes[0], files):
+        photo, camera = _find_photo_and_camera(files, camera)
     if len(camera) not in (0, 1, len(photo)):
-        raise Refusal(422, f"{len(photo)} photos came with {len(camera)} cameras; one each is wanted, or one for all")
+        raise HTTPProblem(
+            422, f"{len(photo)} photos came with {len(camera)} cameras; one each is wanted, or one for all"
+        )
     return _upload(meshes[0].name, photo, camera, title if zips else meshes[0].name)
 
 
@@ -88,19 +90,19 @@ def _upload(scan: str, photo: list[Path], camera: list[Path], title: str) -> Upl
     return Upload(scan, tuple(path.name for path in photo), tuple(path.name for path in camera), title)
 
 
-def _unpacked(path: Path, folder: Path, limits: ServeSettings) -> list[Path]:
+def _unpack_zip(path: Path, folder: Path, limits: ServeSettings) -> list[Path]:
     if not zipfile.is_zipfile(path):
-        raise Refusal(415, f"{path.name} says that it is a zip file, and is none")
-    aside = path.rename(folder.parent / "upload.zip")  # its name may be one that it holds, too
+        raise HTTPProblem(415, f"{path.name} says that it is a zip file, and is none")
+    moved = path.rename(folder.parent / "upload.zip")  # its name may be one that it holds, too
     try:
-        return [one for one in unpack(aside, folder, limits) if _is_wanted(one)]
+        return [one for one in unpack(moved, folder, limits) if _keep_or_delete(one)]
     finally:
-        aside.unlink()
+        moved.unlink()
 
 
-def _is_wanted(path: Path) -> bool:
+def _keep_or_delete(path: Path) -> bool:
     """Whether an unpacked file may belong to a scan; others are removed again."""
-    wanted = path.suffix.lower() in (*MESHES, *IMAGES, *_BESIDE)
+    wanted = path.suffix.lower() in (*MESHES, *IMAGES, *_COMPANION_SUFFIXES)
     if not wanted:
         path.unlink()
     return wanted
@@ -108,19 +110,19 @@ def _is_wanted(path: Path) -> bool:
 
 def _check_file(path: Path, limits: ServeSettings) -> None:
     suffix, name = path.suffix.lower(), ascii(path.name)
-    if suffix not in (*MESHES, *IMAGES, *_BESIDE):
-        raise Refusal(415, f"{name} is of a kind that is not read: OBJ, PLY, GLB, glTF, photos, or one zip are")
+    if suffix not in (*MESHES, *IMAGES, *_COMPANION_SUFFIXES):
+        raise HTTPProblem(415, f"{name} is of a kind that is not read: OBJ, PLY, GLB, glTF, photos, or one zip are")
     if path.stat().st_size == 0:
-        raise Refusal(422, f"{name} is empty (0 bytes); was it copied to its end?")
+        raise HTTPProblem(422, f"{name} is empty (0 bytes); was it copied to its end?")
     if suffix in IMAGES:
         _check_image(path, name, limits)
         return
-    head = _head(path)
-    if suffix in _TEXTS and b"\0" in head:
-        raise Refusal(415, f"{name} says that it is text, and holds something else")
-    begins = {".ply": (b"ply",), ".glb": (b"glTF",), ".gltf": (b"{",), ".json": (b"{", b"[")}
-    if suffix in begins and not head.removeprefix(b"\xef\xbb\xbf").lstrip().startswith(begins[suffix]):
-        raise Refusal(415, f"{name} says that it is {suffix[1:].upper()}, and holds something else")
+    head = _read_head(path)
+    if suffix in _TEXT_SUFFIXES and b"\0" in head:
+        raise HTTPProblem(415, f"{name} says that it is text, and holds something else")
+    magic = {".ply": (b"ply",), ".glb": (b"glTF",), ".gltf": (b"{",), ".json": (b"{", b"[")}
+    if suffix in magic and not head.removeprefix(b"\xef\xbb\xbf").lstrip().startswith(magic[suffix]):
+        raise HTTPProblem(415, f"{name} says that it is {suffix[1:].upper()}, and holds something else")
 
 
 def _check_image(path: Path, name: str, limits: ServeSettings) -> None:
@@ -135,9 +137,9 @@ def _check_image(path: Path, name: str, limits: ServeSettings) -> None:
             finally:
                 Image.MAX_IMAGE_PIXELS = limit
     except Exception:  # decoders raise nearly every class there is on damaged files
-        raise Refusal(415, f"{name} is no image that can be read; was it copied to its end?") from None
+        raise HTTPProblem(415, f"{name} is no image that can be read; was it copied to its end?") from None
     if width * height > limits.megapixels * 1e6:
-        raise Refusal(
+        raise HTTPProblem(
             413,
             f"{name} has {width} x {height} = {width * height / 1e6:.0f} megapixels; at most {limits.megapixels:g} are "
             "taken",
@@ -147,27 +149,27 @@ def _check_image(path: Path, name: str, limits: ServeSettings) -> None:
 def _check_kinds(form: Form) -> None:
     for path in form.files["photo"]:
         if path.suffix.lower() not in IMAGES:
-            raise Refusal(415, f"{path.name!a} came as photo, and is no image")
+            raise HTTPProblem(415, f"{path.name!a} came as photo, and is no image")
     for path in form.files["camera"]:
         if path.suffix.lower() != ".json":
-            raise Refusal(415, f"{path.name!a} came as camera; a camera is a file of JSON")
+            raise HTTPProblem(415, f"{path.name!a} came as camera; a camera is a file of JSON")
 
 
-def _beside(files: list[Path], camera: list[Path]) -> tuple[list[Path], list[Path]]:
+def _find_photo_and_camera(files: list[Path], camera: list[Path]) -> tuple[list[Path], list[Path]]:
     """Photos and cameras among the files of a mesh that names no image."""
     images = [path for path in files if path.suffix.lower() in IMAGES]
     camera = camera or [path for path in files if path.suffix.lower() == ".json"]
     return (images if camera or len(images) == 1 else []), camera
 
 
-def _names_an_image(mesh: Path, files: list[Path]) -> bool:
+def _references_image(mesh: Path, files: list[Path]) -> bool:
     """Whether the photo is in the mesh's file, or named by it."""
     suffix = mesh.suffix.lower()
     if suffix == ".obj":
-        return any(b"map_" in _head(path) for path in files if path.suffix.lower() == ".mtl")
-    return suffix != ".ply" or b"TextureFile" in _head(mesh)
+        return any(b"map_" in _read_head(path) for path in files if path.suffix.lower() == ".mtl")
+    return suffix != ".ply" or b"TextureFile" in _read_head(mesh)
 
 
-def _head(path: Path) -> bytes:
+def _read_head(path: Path) -> bytes:
     with path.open("rb") as file:
-        return file.read(_HEAD)
+        return file.read(_HEAD_BYTES)

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
 from typing import Any, cast, get_args
 
-from planish.batch.items import LONGEST_PART, RESERVED, SCANS, Found, Item, clashes, safe_name
+from planish.batch.items import MAX_NAME_BYTES, RESERVED, SCANS, Item, ScanList, conflicting_names, safe_name
 from planish.errors import InputError
 from planish.io.files import read_bytes
 from planish.settings import Units
@@ -16,7 +16,7 @@ from planish.settings import Units
 COLUMNS = ("scan", "photo", "camera", "name", "units")
 
 
-def read_list(path: Path) -> Found:
+def read_list(path: Path) -> ScanList:
     r"""Read a list of scans.
 
     Parameters
@@ -49,26 +49,26 @@ def read_list(path: Path) -> Found:
         text = read_bytes(path).decode("utf-8-sig")
     except UnicodeDecodeError:
         raise InputError(f"{path} is no text in UTF-8; save the list as CSV (UTF-8)") from None
-    rows = _json_lines(path, text) if path.suffix.lower() in (".jsonl", ".ndjson") else _csv_lines(path, text)
-    where: dict[str, list[int]] = {}
+    rows = _json_rows(path, text) if path.suffix.lower() in (".jsonl", ".ndjson") else _csv_rows(path, text)
+    lines_by_name: dict[str, list[int]] = {}
     items = []
     for line, row in rows:
         item = _item(path, line, row)
-        where.setdefault(item.name, []).append(line)
+        lines_by_name.setdefault(item.name, []).append(line)
         items.append(item)
     if not items:
         raise InputError(f"{path} lists no scan; a line for each is wanted, with the column scan")
-    bad = sorted(clashes(item.name for item in items))
-    if bad:
-        lines = ", ".join(str(line) for line in where[bad[0]])
+    conflicts = sorted(conflicting_names(item.name for item in items))
+    if conflicts:
+        lines = ", ".join(str(line) for line in lines_by_name[conflicts[0]])
         raise InputError(
-            f"{path}: the name {bad[0]} (line {lines}) stands there twice or is a folder of another name"
-            f"{f', as are {len(bad) - 1} others' if len(bad) > 1 else ''}; give each scan a name of its own"
+            f"{path}: the name {conflicts[0]} (line {lines}) stands there twice or is a folder of another name"
+            f"{f', as are {len(conflicts) - 1} others' if len(conflicts) > 1 else ''}; give each scan a name of its own"
         )
-    return Found(sorted(items, key=lambda item: item.name))
+    return ScanList(sorted(items, key=lambda item: item.name))
 
 
-def _csv_lines(path: Path, text: str) -> Iterator[tuple[int, dict[str, Any]]]:
+def _csv_rows(path: Path, text: str) -> Iterator[tuple[int, dict[str, Any]]]:
     reader = csv.DictReader(text.splitlines(), skipinitialspace=True)
     names = [name.strip().lower() for name in reader.fieldnames or []]
     if "scan" not in names or not set(names) <= set(COLUMNS) or len(set(names)) < len(names):
@@ -86,7 +86,7 @@ def _csv_lines(path: Path, text: str) -> Iterator[tuple[int, dict[str, Any]]]:
         raise InputError(f"{path}, line {reader.line_num}: {problem}") from None
 
 
-def _json_lines(path: Path, text: str) -> Iterator[tuple[int, dict[str, Any]]]:
+def _json_rows(path: Path, text: str) -> Iterator[tuple[int, dict[str, Any]]]:
     for number, line in enumerate(text.splitlines(), 1):
         if not line.strip():
             continue
@@ -102,40 +102,40 @@ def _json_lines(path: Path, text: str) -> Iterator[tuple[int, dict[str, Any]]]:
 
 
 def _item(path: Path, line: int, row: dict[str, Any]) -> Item:
-    at = f"{path}, line {line}"
-    scans, photos, cameras = (_paths(path, at, row, column) for column in ("scan", "photo", "camera"))
+    location = f"{path}, line {line}"
+    scans, photos, cameras = (_paths(path, location, row, column) for column in ("scan", "photo", "camera"))
     if len(scans) != 1:
-        raise InputError(f"{at} names {len(scans)} scans; one is wanted")
+        raise InputError(f"{location} names {len(scans)} scans; one is wanted")
     units = row.get("units") or "auto"
     if units not in get_args(Units):
-        raise InputError(f"{at}: units is {units!r}; one of {', '.join(get_args(Units))} is wanted")
+        raise InputError(f"{location}: units is {units!r}; one of {', '.join(get_args(Units))} is wanted")
     name = row.get("name")
     if name:
-        _check_name(at, name)
+        _check_name(location, name)
     else:
-        name = _own_name(path, scans[0])
+        name = _default_name(path, scans[0])
     return Item(name=name, scan=scans[0], photo=photos, camera=cameras, units=cast(Units, units))
 
 
-def _paths(path: Path, at: str, row: dict[str, Any], column: str) -> tuple[Path, ...]:
-    told = row.get(column)
-    every = [part.strip() for part in told.split(";")] if isinstance(told, str) else told or []
-    if not isinstance(every, list) or not all(isinstance(part, str) and "\0" not in part for part in every):
-        raise InputError(f"{at}: {column} is {told!r}; a path or a list of paths is wanted")
-    return tuple(path.parent / part for part in every if part)
+def _paths(path: Path, location: str, row: dict[str, Any], column: str) -> tuple[Path, ...]:
+    value = row.get(column)
+    paths = [part.strip() for part in value.split(";")] if isinstance(value, str) else value or []
+    if not isinstance(paths, list) or not all(isinstance(part, str) and "\0" not in part for part in paths):
+        raise InputError(f"{location}: {column} is {value!r}; a path or a list of paths is wanted")
+    return tuple(path.parent / part for part in paths if part)
 
 
-def _check_name(at: str, name: Any) -> None:
+def _check_name(location: str, name: Any) -> None:
     good = isinstance(name, str) and not name.startswith("/") and "//" not in f"{name}/"
     parts = name.split("/") if good else []
     if not good or name in RESERVED or any(safe_name(p) != p or p in (".", "..") or p[0] == "." for p in parts):
         raise InputError(
-            f"{at}: {str(name)[:LONGEST_PART]!r} cannot be the name of a folder here; letters, digits, - and _ are "
-            "wanted, with / for a folder in a folder"
+            f"{location}: {str(name)[:MAX_NAME_BYTES]!r} cannot be the name of a folder here; letters, digits, - and _ "
+            "are wanted, with / for a folder in a folder"
         )
 
 
-def _own_name(path: Path, scan: Path) -> str:
+def _default_name(path: Path, scan: Path) -> str:
     """From the scan's path below the list's folder, or else from all of it."""
     below = scan.relative_to(path.parent) if scan.is_relative_to(path.parent) else scan
     parts = [part for part in PurePosixPath(below).with_suffix("").parts if part not in ("/", "..", ".")]

@@ -18,7 +18,7 @@ _PREVIEW_PX = 1600
 
 
 @dataclass(frozen=True, kw_only=True)
-class Order:
+class UploadRequest:
     """What is to be done with an upload.
 
     Attributes
@@ -44,7 +44,9 @@ class Order:
     formats: tuple[Format, ...]
 
 
-def restore_upload(folder: Path, out: Path, order: Order, tell: Callable[[str, float], None]) -> dict[str, Any]:
+def restore_upload(
+    folder: Path, out: Path, request: UploadRequest, progress: Callable[[str, float], None]
+) -> dict[str, Any]:
     """Restore one upload.
 
     Parameters
@@ -53,8 +55,8 @@ def restore_upload(folder: Path, out: Path, order: Order, tell: Callable[[str, f
         With the files of the scan, and nothing else.
     out : Path
         Folder for the results; made here.
-    order : Order
-    tell : callable
+    request : UploadRequest
+    progress : callable
         Told (stage, share done).
 
     Returns
@@ -65,38 +67,38 @@ def restore_upload(folder: Path, out: Path, order: Order, tell: Callable[[str, f
     from planish.job import Job, Outputs, run
     from planish.report import summary
 
-    pages = [out / f"page.{name}" for name in order.formats]
+    pages = [out / f"page.{name}" for name in request.formats]
     outputs = Outputs(
         page=pages[0],
         copies=tuple(pages[1:]),
-        binary=None if order.settings.binarize.binarize == "none" else out / "page-bw.png",
+        binary=None if request.settings.binarize.binarize == "none" else out / "page-bw.png",
         flat=out / "flat.obj",
         report=out / "report.json",
-        html=out / "view.html" if order.view else None,
+        html=out / "view.html" if request.view else None,
     )
     os.chdir(folder)  # so that no sentence and no report tells where the files lie here
     job = Job(
-        scan=Path(order.scan),
-        photo=tuple(map(Path, order.photo)),
-        camera=tuple(map(Path, order.camera)),
-        units=order.units,
+        scan=Path(request.scan),
+        photo=tuple(map(Path, request.photo)),
+        camera=tuple(map(Path, request.camera)),
+        units=request.units,
         inside=Path(),
-        settings=order.settings,
+        settings=request.settings,
         outputs=outputs,
     )
     out.mkdir()
     try:
-        done = run(job, tell)
+        result = run(job, progress)
     except PlanishError as problem:
         raise type(problem)(str(problem).replace(f"{out}/", "")) from None
     _preview(out)
     files = sorted(path.name for path in out.iterdir())
-    _keep(out, files)
+    _fsync_all(out, files)
     return {
-        "settled": done.report.settled,
-        "outcome": done.report.outcome,
-        "warnings": done.report.warnings,
-        "figures": summary(done.report),
+        "settled": result.report.settled,
+        "outcome": result.report.outcome,
+        "warnings": result.report.warnings,
+        "figures": summary(result.report),
         "files": files,
     }
 
@@ -116,11 +118,11 @@ def _preview(out: Path) -> None:
         small.save(out / PREVIEW, quality=85)
 
 
-def _keep(out: Path, files: list[str]) -> None:
+def _fsync_all(out: Path, files: list[str]) -> None:
     """Have the disk keep the files before the table says that they are there."""
     for path in (*(out / name for name in files), out):
-        number = os.open(path, os.O_RDONLY)
+        descriptor = os.open(path, os.O_RDONLY)
         try:
-            os.fsync(number)
+            os.fsync(descriptor)
         finally:
-            os.close(number)
+            os.close(descriptor)

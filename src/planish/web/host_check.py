@@ -8,20 +8,20 @@ from urllib.parse import urlsplit
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from planish.web.problems import answer
+from planish.web.problems import problem_response
 
-_POLICY = (
+_CONTENT_SECURITY_POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; "
     "form-action 'self'; base-uri 'none'; frame-ancestors 'none'"
 )
-_VIEW_POLICY = (
+_VIEW_CONTENT_SECURITY_POLICY = (
     "sandbox allow-scripts; default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data:; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
 """For a page to look at, which has all its parts inside: it runs, but in a world of its own, and asks nobody."""
 
 VIEW_HEADERS = {
-    "content-security-policy": _VIEW_POLICY,
+    "content-security-policy": _VIEW_CONTENT_SECURITY_POLICY,
     "cross-origin-opener-policy": "unsafe-none",  # browsers open no sandboxed page with another
 }
 
@@ -36,7 +36,7 @@ _HEADERS = {
 _SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
 
 
-class Guard:
+class HostCheckMiddleware:
     """Refuses requests for other hosts (DNS rebinding) and from other sites' pages; sets the headers of all answers.
 
     Parameters
@@ -58,19 +58,23 @@ class Guard:
 
         async def send_with_headers(message: Message) -> None:
             if message["type"] == "http.response.start":
-                told = MutableHeaders(scope=message)
-                for name, value in {**_HEADERS, "content-security-policy": _POLICY}.items():
-                    told.setdefault(name, value)
+                response_headers = MutableHeaders(scope=message)
+                for name, value in {**_HEADERS, "content-security-policy": _CONTENT_SECURITY_POLICY}.items():
+                    response_headers.setdefault(name, value)
             await send(message)
 
         app = self.app
-        if not self._knows(headers.get("host", "")):
-            app = answer(421, "this service does not go by that name; whoever runs it can allow it with --allow-host")
-        elif scope["method"] not in _SAFE_METHODS and _is_from_elsewhere(headers):
-            app = answer(403, "that was asked by a page of another site; use the service's own page, or no browser")
+        if not self._is_known_host(headers.get("host", "")):
+            app = problem_response(
+                421, "this service does not go by that name; whoever runs it can allow it with --allow-host"
+            )
+        elif scope["method"] not in _SAFE_METHODS and _is_cross_origin(headers):
+            app = problem_response(
+                403, "that was asked by a page of another site; use the service's own page, or no browser"
+            )
         await app(scope, receive, send_with_headers)
 
-    def _knows(self, host: str) -> bool:
+    def _is_known_host(self, host: str) -> bool:
         """Whether a Host header names this service. A plain address cannot be the name of somebody else's page."""
         try:
             name = urlsplit(f"//{host}").hostname or ""
@@ -85,7 +89,7 @@ class Guard:
         return True
 
 
-def _is_from_elsewhere(headers: Headers) -> bool:
+def _is_cross_origin(headers: Headers) -> bool:
     """Whether a browser says that a page of another origin asks. Without a browser neither header comes."""
     if headers.get("sec-fetch-site", "none") not in ("same-origin", "none"):
         return True

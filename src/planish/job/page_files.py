@@ -1,4 +1,4 @@
-"""The files of the page: one or two of them, in colour and in black and white, with text and mask if so asked."""
+"""Page files of a restoration: one or two pages, in colour, binarized and as mask, with an optional text layer."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ from planish.render import mask_of
 from planish.types import Page, Restoration
 
 
-def page_files(out: Outputs, most: int) -> list[Path]:
-    """All files of the page that may be written, where the sheet may be split into as many as `most` pages."""
+def page_files(out: Outputs, max_pages: int) -> list[Path]:
+    """Names of all page files that may be written if the sheet is split into at most `max_pages` pages."""
     wanted = [path for path in (out.page, *out.copies, out.binary, out.mask) if path is not None]
-    counts = range(1, most + 1)
+    counts = range(1, max_pages + 1)
     return list(dict.fromkeys(name for path in wanted for count in counts for name in page_names(path, count)))
 
 
 def check_pages(out: Outputs) -> None:
-    """Refuse what could not be written, before long work.
+    """Check names and formats of the page files before any long computation.
 
     Raises
     ------
@@ -38,7 +38,7 @@ def check_pages(out: Outputs) -> None:
     named = (out.page, *out.copies, out.binary, out.mask)
     suffixes = {path: check_page_name(path) for path in named if path is not None}
     if out.mask is not None and suffixes[out.mask] not in (".png", ".tif", ".tiff"):
-        raise OutputError(f"{out.mask}: a mask is written as .png or .tif, where no pixel changes")
+        raise OutputError(f"{out.mask}: a mask needs a lossless format; name it .png or .tif")
     for flag in [*(["--pdfa"] if out.pdfa else []), *(["--ocr"] if out.ocr is not None else [])]:
         if ".pdf" not in suffixes.values():
             raise UsageError(f"{flag} is for PDF; name the page with -o NAME.pdf, not {out.page.name}")
@@ -46,55 +46,55 @@ def check_pages(out: Outputs) -> None:
         check_ocr(out.ocr)
 
 
-def read_text(done: Restoration, language: str) -> list[bytes]:
-    """The text of each page, as `planish.io.text_layer` gives it."""
-    return [text_layer(part, language) for part in _parts(_page(done), done)]
+def recognize_text(restoration: Restoration, language: str) -> list[bytes]:
+    """OCR text layer of each page, as returned by `planish.io.text_layer`."""
+    return [text_layer(part, language) for part in _parts(_page(restoration), restoration)]
 
 
-def write_page_files(out: Outputs, done: Restoration, binarized_by: str, text: list[bytes]) -> list[Path]:
-    """Write the pages of a restoration, one file after the other.
+def write_page_files(out: Outputs, restoration: Restoration, binarized_by: str, text: list[bytes]) -> list[Path]:
+    """Write all page files of a restoration.
 
     Parameters
     ----------
     out : Outputs
-    done : Restoration
-        With a page; its report with the sources.
+    restoration : Restoration
+        With a rendered page, and a report that lists the sources.
     binarized_by : str
-        The method, for what the file says about itself.
+        Binarization method, for the metadata of the file.
     text : list of bytes
-        As `read_text` gives it; empty where there shall be none.
+        As returned by `recognize_text`; empty for no text layer.
 
     Returns
     -------
     list of Path
         The files written.
     """
-    page, report = _page(done), done.report
+    page, report = _page(restoration), restoration.report
     written = []
     for path in (out.page, *out.copies):
-        written += _write(path, _parts(page, done), origin_of(report, report.sources), out.pdfa, text)
+        written += _write(path, _parts(page, restoration), origin_of(report, report.sources), out.pdfa, text)
     if out.binary is not None:
-        assert done.binary is not None
+        assert restoration.binary is not None
         origin = origin_of(report, report.sources, binarized_by)
-        written += _write(out.binary, _parts(done.binary, done), origin, out.pdfa, text)
+        written += _write(out.binary, _parts(restoration.binary, restoration), origin, out.pdfa, text)
     if out.mask is not None:
-        mask = mask_of(page, done.clipped)
-        written += _write(out.mask, _parts(mask, done), origin_of(report, report.sources), False, [])
+        mask = mask_of(page, restoration.clipped)
+        written += _write(out.mask, _parts(mask, restoration), origin_of(report, report.sources), False, [])
     return written
 
 
-def _page(done: Restoration) -> Page:
-    page = done.unshaded or done.rendered
+def _page(restoration: Restoration) -> Page:
+    page = restoration.unshaded or restoration.rendered
     assert page is not None
     return page
 
 
-def _parts(page: Page, done: Restoration) -> list[Page]:
-    return [page] if done.report.spine is None else list(split_pages(page, done.report.spine))
+def _parts(page: Page, restoration: Restoration) -> list[Page]:
+    return [page] if restoration.report.spine is None else list(split_pages(page, restoration.report.spine))
 
 
 def _write(path: Path, pages: list[Page], origin: Origin, pdfa: bool, text: list[bytes]) -> list[Path]:
-    """Into one file, or one for each page."""
+    """Write pages into one file, or one file per page, as the format allows."""
     names = page_names(path, len(pages))
     if len(names) > 1:
         for name, page in zip(names, pages, strict=True):

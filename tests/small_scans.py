@@ -5,8 +5,8 @@ import re
 from concurrent.futures import Future
 from hashlib import sha256
 
-from planish.batch.row import TIMES
-from planish.batch.task import attempt
+from planish.batch.row import VARYING_FIELDS
+from planish.batch.task import run_task
 from planish.gallery import sheet, virtual_scan
 from planish.io import write_scan
 
@@ -17,7 +17,7 @@ def write_small_scan(folder, name="book", seed=0):
     write_scan(folder / "scan.obj", made.scan)
 
 
-class Here:
+class SynchronousPool:
     """A pool that does its tasks at once, in this thread."""
 
     def __init__(self, slots=1, memory=float("inf")):
@@ -28,7 +28,7 @@ class Here:
         self.done.append(task.item.name)
         answer = Future()
         try:
-            answer.set_result(attempt(task))
+            answer.set_result(run_task(task))
         except Exception as problem:
             answer.set_exception(problem)
         return answer
@@ -36,7 +36,7 @@ class Here:
     def close(self):
         pass
 
-    def abandon(self):
+    def kill(self):
         pass
 
 
@@ -61,5 +61,5 @@ def _timeless(path):
 
 def _without_times(value):
     if isinstance(value, dict):
-        return {key: _without_times(v) for key, v in value.items() if key not in (*TIMES, "seconds_total")}
+        return {key: _without_times(v) for key, v in value.items() if key not in (*VARYING_FIELDS, "seconds_total")}
     return [_without_times(item) for item in value] if isinstance(value, list) else value

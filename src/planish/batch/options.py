@@ -14,7 +14,7 @@ from planish.version import __version__
 
 
 @dataclass(frozen=True, kw_only=True)
-class Order:
+class BatchOptions:
     """Settings and files, the same for all items.
 
     Attributes
@@ -37,7 +37,7 @@ class Order:
         plain = json.dumps([__version__, asdict(self)], sort_keys=True)
         return sha256(plain.encode()).hexdigest()
 
-    def job(self, item: Item, folder: Path, photo: tuple[Path, ...], camera: tuple[Path, ...]) -> Job:
+    def make_job(self, item: Item, folder: Path, photo: tuple[Path, ...], camera: tuple[Path, ...]) -> Job:
         """The restoration of one item into a folder."""
         files = self.files
         outputs = Outputs(
