@@ -234,7 +234,7 @@ def test_two_runs_into_one_folder_are_refused(folder, restored):
     restore_all(folder)
     with (folder / "out" / ".planish" / "lock").open("a") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        with pytest.raises(OutputError, match=r"is being written to by another planish batch \(process \d+ on "):
+        with pytest.raises(OutputError, match=r"is in use by another planish batch \(process \d+ on "):
             restore_all(folder)
     restore_all(folder)
 
@@ -250,7 +250,7 @@ def test_what_is_not_ours_is_not_touched(folder, restored):
 
 @pytest.mark.parametrize("out", ["in", "in/out", "."])
 def test_scans_and_output_may_not_lie_in_one_another(folder, out):
-    with pytest.raises(OutputError, match="lie in one another"):
+    with pytest.raises(OutputError, match="overlap; choose an output folder"):
         batch(find_items(folder / "in"), folder / out, SynchronousPool, OPTIONS)
 
 

@@ -51,7 +51,7 @@ def test_a_link_that_leads_back_is_passed_over_and_said(tmp_path):
     found = find_items(tmp_path / "in")
     assert [item.name for item in found.items] == ["a", "more"]
     assert len(found.notes) == 1
-    assert "a link to a folder that it lies in" in found.notes[0]
+    assert "a link to one of its parent folders" in found.notes[0]
 
 
 def test_a_folder_that_cannot_be_read_is_said(tmp_path, monkeypatch):
@@ -66,12 +66,12 @@ def test_a_folder_that_cannot_be_read_is_said(tmp_path, monkeypatch):
     monkeypatch.setattr("os.scandir", guarded)
     found = find_items(tmp_path)
     assert [item.name for item in found.items] == ["good"]
-    assert found.notes == [f"{tmp_path / 'closed'} was left out, as it cannot be read: Permission denied"]
+    assert found.notes == [f"{tmp_path / 'closed'} was skipped because it cannot be read: Permission denied"]
 
 
 def test_without_a_scan_there_is_nothing_to_do(tmp_path):
     files(tmp_path, "notes.txt", "photo.jpg")
-    with pytest.raises(InputError, match="holds no scan"):
+    with pytest.raises(InputError, match="contains no scan"):
         find_items(tmp_path)
     with pytest.raises(InputError, match="no such folder"):
         find_items(tmp_path / "none")
@@ -119,16 +119,16 @@ def test_a_list_as_json_lines(tmp_path):
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        ("name\na\n", "names of columns are wanted there"),
-        ("scan,size\na.obj,3\n", "names of columns are wanted there"),
-        ("scan,name\na.obj,x\nb.obj,x\n", r"the name x \(line 2, 3\) stands there twice"),
-        ("scan,name\na.obj,x\nb.obj,x/y\n", "is a folder of another name"),
-        ("scan,name\na.obj,../x\n", "cannot be the name of a folder"),
-        ("scan,name\na.obj,/x\n", "cannot be the name of a folder"),
-        ("scan,name\na.obj,.planish\n", "cannot be the name of a folder"),
-        ("scan,name\na.obj,summary.html\n", "cannot be the name of a folder"),
+        ("name\na\n", "expected a header with the column scan"),
+        ("scan,size\na.obj,3\n", "expected a header with the column scan"),
+        ("scan,name\na.obj,x\nb.obj,x\n", r"the name x \(line 2, 3\) occurs twice"),
+        ("scan,name\na.obj,x\nb.obj,x/y\n", "is a parent folder of another name"),
+        ("scan,name\na.obj,../x\n", "is not a valid folder name"),
+        ("scan,name\na.obj,/x\n", "is not a valid folder name"),
+        ("scan,name\na.obj,.planish\n", "is not a valid folder name"),
+        ("scan,name\na.obj,summary.html\n", "is not a valid folder name"),
         ("scan,units\na.obj,ell\n", "units is 'ell'"),
-        ("scan,units\na.obj,mm,x\n", "2 columns are wanted"),
+        ("scan,units\na.obj,mm,x\n", "more fields than the 2 columns"),
         ("scan\n", "lists no scan"),
         ("scan,photo\n,a.jpg\n", "names 0 scans"),
     ],
@@ -141,11 +141,11 @@ def test_a_list_that_is_none(tmp_path, text, sentence):
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        ('{"scan": "a.obj"\n', "line 1 is no JSON"),
-        ('["a.obj"]\n', "an object is wanted"),
-        ('{"scan": "a.obj", "size": 3}\n', "an object is wanted"),
-        ('{"scan": 3}\n', "a path or a list of paths is wanted"),
-        ('{"scan": "a.obj", "name": 3}\n', "cannot be the name"),
+        ('{"scan": "a.obj"\n', "line 1 is not valid JSON"),
+        ('["a.obj"]\n', "expected an object"),
+        ('{"scan": "a.obj", "size": 3}\n', "expected an object"),
+        ('{"scan": 3}\n', "expected a path or a list of paths"),
+        ('{"scan": "a.obj", "name": 3}\n', "is not a valid folder name"),
     ],
 )
 def test_json_lines_that_are_none(tmp_path, text, sentence):

@@ -69,7 +69,7 @@ def test_good_uploads_are_taken_until_the_queue_is_full(service):
         assert (told["state"], told["ahead"]) == ("queued", place)
         assert answer.headers["location"] == f"/api/jobs/{told['id']}"
     full = ask(service, "POST", "/api/jobs", files=bad_uploads.GOOD)
-    assert_refused(full, 429, "3 scans wait already")
+    assert_refused(full, 429, "the queue is full (3 scans)")
     assert full.headers["retry-after"]
     assert ask(service, "DELETE", answer.headers["location"]).status_code == 204
     assert ask(service, "POST", "/api/jobs", files=bad_uploads.GOOD).status_code == 201
@@ -88,8 +88,8 @@ PART = b"--x\r\nContent-Disposition: form-data; "
         (b"hello", FORM, 422, "damaged"),
         (b"--x\r\n\r\nhello\r\n--x--", FORM, 422, "has no name"),
         (PART + b'name="dpi"\r\n\r\n300', FORM, 422, "cut short"),
-        (PART + b'name="scan"; filename="scan\0.obj"\r\n\r\nv\r\n--x--', FORM, 422, "no plain name"),
-        (PART + b'name="scan"; filename=""\r\n\r\n\r\n--x--', FORM, 422, "no scan came"),
+        (PART + b'name="scan"; filename="scan\0.obj"\r\n\r\nv\r\n--x--', FORM, 422, "not a plain file name"),
+        (PART + b'name="scan"; filename=""\r\n\r\n\r\n--x--', FORM, 422, "no scan was sent"),
         (b"", FORM, 422, "cut short"),
     ],
 )
@@ -99,7 +99,7 @@ def test_what_is_no_form_is_refused(service, content, kind, status, part):
 
 def test_a_declared_length_beyond_the_limit_is_refused_before_it_is_read(service):
     headers = {"content-type": "multipart/form-data; boundary=x", "content-length": "5000000000"}
-    assert_refused(ask(service, "POST", "/api/jobs", content=b"", headers=headers), 413, "at most 1 MB")
+    assert_refused(ask(service, "POST", "/api/jobs", content=b"", headers=headers), 413, "the limit of 1 MB")
 
 
 def test_names_that_are_not_there_and_methods_that_are_not_meant(service):
@@ -107,10 +107,10 @@ def test_names_that_are_not_there_and_methods_that_are_not_meant(service):
     assert_refused(ask(service, "DELETE", "/api/jobs/nothing"), 404, "no such job")
     assert_refused(ask(service, "GET", "/api/jobs/nothing/events"), 404, "no such job")
     assert_refused(ask(service, "GET", "/api/jobs/nothing/all.zip"), 404, "no such job")
-    assert_refused(ask(service, "GET", "/api/jobs"), 405, "not for that method")
+    assert_refused(ask(service, "GET", "/api/jobs"), 405, "does not allow that method")
     assert ask(service, "PUT", "/api/jobs/nothing").headers["allow"] == "DELETE, GET"
     for path in ("/nothing", "/static/", "/static/../app.py", "/static/%2e%2e/app.py", "/jobs.sqlite"):
-        assert_refused(ask(service, "GET", path), 404, "nothing at this address")
+        assert_refused(ask(service, "GET", path), 404, "no such address")
 
 
 def test_results_before_the_end_are_a_conflict(service):
@@ -125,12 +125,12 @@ def test_only_its_own_names_and_its_own_pages_are_answered(service):
     for base in ("http://localhost:8008", "http://127.0.0.1:8008", "http://[::1]:8008", "http://192.168.1.7"):
         assert ask(service, "GET", "/api/health", base=base).status_code == 200
     named = "http://scans.example.org"
-    assert_refused(ask(service, "GET", "/api/health", base=named), 421, "does not go by that name")
+    assert_refused(ask(service, "GET", "/api/health", base=named), 421, "host name is not allowed")
     knowing = application(service, frozenset({"scans.example.org"}))
     assert ask(service, "GET", "/api/health", knowing, base=named).status_code == 200
     for headers in ({"origin": "http://evil.example"}, {"origin": "null"}, {"sec-fetch-site": "cross-site"}):
         answer = ask(service, "POST", "/api/jobs", files=bad_uploads.GOOD, headers=headers)
-        assert_refused(answer, 403, "another site")
+        assert_refused(answer, 403, "cross-origin")
     own = {"origin": "http://127.0.0.1:8008", "sec-fetch-site": "same-origin"}
     assert ask(service, "POST", "/api/jobs", files=bad_uploads.GOOD, headers=own).status_code == 201
 
@@ -146,5 +146,5 @@ def test_every_answer_forbids_what_browsers_may_be_tricked_into(service):
 
 def test_a_service_that_stops_says_so(service):
     service.say_stop()
-    assert_refused(ask(service, "POST", "/api/jobs", files=bad_uploads.GOOD), 503, "being stopped")
+    assert_refused(ask(service, "POST", "/api/jobs", files=bad_uploads.GOOD), 503, "shutting down")
     assert ask(service, "GET", "/api/health").json()["status"] == "stopping"

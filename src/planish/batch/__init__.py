@@ -1,4 +1,4 @@
-"""Shelves of scans: every one restored into its own folder, however often the run is stopped and started again."""
+"""Batch processing: restore many scans, each into its own folder; interrupted runs can be resumed."""
 
 from planish.batch.items import Item, ScanList, find_items
 from planish.batch.list_file import read_list

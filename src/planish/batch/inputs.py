@@ -1,4 +1,4 @@
-"""The files that a scan consists of, and their fingerprints: what decides whether an item must be done again."""
+"""Input files of a batch item and their fingerprints, which decide whether the item must be restored again."""
 
 from __future__ import annotations
 
@@ -29,16 +29,15 @@ _MTL_IMAGE = re.compile(rb"(?im)^[ \t]*(?:map_\w+|bump|disp|decal|refl|norm)[ \t
 
 @dataclass(frozen=True)
 class FileStamp:
-    """One file as it stood on the disk: enough to see without reading that nobody has changed it since.
+    """State of one file on disk, by which a later change is detected without reading it.
 
     Attributes
     ----------
     path : str
     size, changed_ns : int
-        Bytes; when its content or its name was last changed, by the file system's clock. -1 for a file that is not
-        there.
+        Size in bytes, and inode change time (ctime) in ns. -1 for a missing file.
     sha256 : str
-        In hexadecimal; empty for a file that is not there.
+        Hexadecimal; empty for a missing file.
     """
 
     path: str
@@ -47,20 +46,20 @@ class FileStamp:
     sha256: str
 
     def is_current(self) -> bool:
-        """Whether the file still stands there as it did."""
+        """Whether size and ctime are unchanged."""
         return _file_state(self.path) == (self.size, self.changed_ns)
 
 
 @dataclass(frozen=True)
 class Inputs:
-    """The files of an item.
+    """Input files of an item.
 
     Attributes
     ----------
     file_stamps : tuple of FileStamp
-        The scan's own files, those that it names (also the missing ones), photos and cameras.
+        The scan, all files that it references (also missing ones), photos and cameras.
     photo, camera : tuple of Path
-        To be given with the scan.
+        To be passed along with the scan.
     """
 
     file_stamps: tuple[FileStamp, ...]
@@ -68,13 +67,13 @@ class Inputs:
     camera: tuple[Path, ...]
 
     def fingerprint(self) -> str:
-        """The same for the same bytes under the same names, wherever they lie and whenever they were written."""
+        """Digest of file names and contents; independent of folder and modification times."""
         plain = json.dumps([[Path(stamp.path).name, stamp.sha256] for stamp in self.file_stamps])
         return sha256(plain.encode()).hexdigest()
 
 
 def find_inputs(item: Item) -> Inputs:
-    """Find and read all files of an item; photo and camera that lie beside the scan are used if it names no photo."""
+    """Find and hash all files of an item; photo and camera beside the scan are used if the scan references no photo."""
     named = _referenced_files(item.scan)
     photo, camera = item.photo, item.camera
     has_own = any(path is not None and path.suffix.lower() in IMAGES for _, path in named) or _has_embedded_images(
@@ -89,16 +88,16 @@ def find_inputs(item: Item) -> Inputs:
 
 
 def _make_stamp(path: Path) -> FileStamp:
-    size, changed_ns = _file_state(path)  # before it is read: a change meanwhile will be seen next time
+    size, changed_ns = _file_state(path)  # before hashing, so that a concurrent change is detected by the next run
     try:
         digest = fingerprints([path]).popitem()[1] if size >= 0 and path.is_file() else ""
-    except InputError:  # it cannot be read: whoever needs it will say so
+    except InputError:  # reported when the file is actually needed
         digest = "unreadable"
     return FileStamp(os.fspath(path), size, changed_ns, digest)
 
 
 def _file_state(path: str | Path) -> tuple[int, int]:
-    """Size and time of change. Not of modification, which copying and unpacking set back to what it was."""
+    """Size and ctime; not mtime, which copying and unpacking preserve."""
     try:
         existing = Path(path).stat()
     except (OSError, ValueError):
@@ -107,9 +106,9 @@ def _file_state(path: str | Path) -> tuple[int, int]:
 
 
 def _referenced_files(scan: Path) -> list[tuple[str, Path | None]]:
-    """Names in a mesh file, each with the file that was found for it.
+    """Names referenced by a mesh file, each with its path if the file exists.
 
-    Rather one too many than one too few: that costs a fingerprint, and this would miss a change.
+    Errs on the side of too many: an extra name costs a hash, a missed one would hide a change.
     """
     with _map_file(scan) as data:
         if data[:4] == b"glTF" or data[:1] == b"{" or scan.suffix.lower() == ".gltf":
@@ -126,10 +125,10 @@ def _referenced_files(scan: Path) -> list[tuple[str, Path | None]]:
 
 @contextmanager
 def _map_file(file: Path) -> Iterator[Content]:
-    """The bytes of a file without taking memory for them; none where it cannot be read."""
+    """Memory-map a file; empty if it cannot be read."""
     with ExitStack() as stack:
         content: Content = b""
-        with suppress(OSError, ValueError):  # ValueError: it is empty
+        with suppress(OSError, ValueError):  # ValueError: the file is empty
             open_output_dir = stack.enter_context(file.open("rb"))
             content = stack.enter_context(mmap(open_output_dir.fileno(), 0, access=ACCESS_READ))
         yield content
@@ -146,7 +145,7 @@ def _obj_references(scan: Path, data: Content) -> list[tuple[str, Path | None]]:
             images = [_decode_name(name) for name in _MTL_IMAGE.findall(material.read_bytes())]
         except OSError:
             continue
-        for image in images:  # options may stand before the name, and the name may hold spaces
+        for image in images:  # MTL options may precede the name, and the name may contain spaces
             candidates = {
                 name: find_beside(scan, name) for name in (image, image.split(" ")[-1]) if _is_valid_name(name)
             }
@@ -156,7 +155,7 @@ def _obj_references(scan: Path, data: Content) -> list[tuple[str, Path | None]]:
 
 
 def _gltf_uris(data: Content) -> list[str]:
-    """Of a glTF's buffers and images that are files of their own."""
+    """URIs of a glTF's external buffers and images."""
     tree = _gltf_tree(data)
     parts = [part for key in ("buffers", "images") for part in tree.get(key) or [] if isinstance(part, dict)]
     uris = [part["uri"] for part in parts if isinstance(part.get("uri"), str)]
@@ -173,7 +172,7 @@ def _gltf_tree(data: Content) -> dict[str, Any]:
 
 
 def _has_embedded_images(scan: Path) -> bool:
-    """Whether the images of a GLB or glTF are within it."""
+    """Whether a GLB or glTF has embedded images."""
     if scan.suffix.lower() not in (".glb", ".gltf"):
         return False
     with _map_file(scan) as data:

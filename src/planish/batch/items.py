@@ -1,4 +1,4 @@
-"""The items of a batch: scans found in a folder, each under a name that stays the same from run to run."""
+"""Items of a batch: scans found in a folder, each with a name that is stable from run to run."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from planish.settings import Units
 SCANS = {".obj", ".ply", ".glb", ".gltf"}
 IMAGES = {".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp", ".bmp", ".jp2", ".ppm"}
 RESERVED = ("summary.html", "summary.csv", "summary.jsonl")
-"""Names in the output that no item can have."""
+"""File names in the output folder that no item may take."""
 MAX_NAME_BYTES = 200
-"""Bytes of one part of a name: file systems take 255, and something is put before and after it."""
+"""Maximum bytes of one path component: file systems allow 255, and temporary names add a prefix and suffix."""
 
 _UNSAFE = re.compile(r'[\x00-\x1f\x7f\ud800-\udfff%\\:*?"<>|]|^[. ]|[. ]$')
-"""What some file system, shell or spreadsheet trips over, and % itself, which marks the others."""
+"""Characters that are unsafe in some file system, shell or spreadsheet, and % itself, the escape character."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,12 +32,12 @@ class Item:
     Attributes
     ----------
     name : str
-        Of its folder below the output; parts with / between them.
+        Name of its folder in the output; components separated by /.
     scan : Path
     photo, camera : tuple of Path
-        Given by the user: they come before what the scan's file names.
+        Given by the user; they take precedence over files that the scan references.
     nearby_photo, nearby_camera : Path or None
-        That lie beside the scan; they are used where the scan's file has no photo of its own.
+        Found beside the scan; used if the scan references no photo.
     units : {"auto", "mm", "cm", "m", "in"}
     """
 
@@ -52,7 +52,7 @@ class Item:
 
 @dataclass(frozen=True)
 class ScanList:
-    """The items in the order of their names, what a user should know of the search, and the folder searched, if any."""
+    """Items in the order of their names, notes for the user, and the folder that was searched, if any."""
 
     items: list[Item]
     notes: list[str] = field(default_factory=list)
@@ -60,20 +60,20 @@ class ScanList:
 
 
 def find_items(folder: Path) -> ScanList:
-    """Find every scan in a folder and all folders below it.
+    """Find all scans in a folder and its subfolders.
 
-    A scan is named by its path without the suffix; a scan that is alone in its folder, by that folder. Where two names
-    would be the same, or one folder lie in the other, these scans are named by their whole path, which is unique.
+    A scan is named by its path without suffix; a scan that is alone in its folder, by that folder. If two names are
+    equal, or one is a parent folder of another, these scans are named by their full path, which is unique.
 
     Parameters
     ----------
     folder : Path
-        Hidden files and folders in it are passed over, links to folders are followed.
+        Hidden files and folders are ignored, links to folders are followed.
 
     Raises
     ------
     InputError
-        Where it is no folder, or there is no scan in it.
+        If it is not a folder, or contains no scan.
 
     Examples
     --------
@@ -87,10 +87,10 @@ def find_items(folder: Path) -> ScanList:
     ['a', 'b', 'c', 'd/1', 'd/2.obj', 'd/2.ply']
     """
     if is_tifxyz(folder):
-        raise InputError(f"{folder} is one scan; a folder of scans is wanted here, and planish restore takes this")
-    folder = folder.absolute()  # workers elsewhere stand in other folders
+        raise InputError(f"{folder} is a single scan, not a folder of scans; use planish restore for it")
+    folder = folder.absolute()  # workers may have another working directory
     notes: list[str] = []
-    named_scans: list[tuple[Item, str]] = []  # with the name by its whole path
+    named_scans: list[tuple[Item, str]] = []  # with the name from the full path
     for entries, scans, images in _walk_folders(folder, notes):
         for scan in scans:
             full_path = scan.relative_to(folder)
@@ -107,14 +107,14 @@ def find_items(folder: Path) -> ScanList:
             named_scans.append((item, safe_name(full_path)))
     if not named_scans:
         raise InputError(
-            f"{folder} holds no scan: OBJ, PLY, GLB or glTF files or tifxyz folders are wanted in it or below it"
+            f"{folder} contains no scan: expected OBJ, PLY, GLB or glTF files or tifxyz folders in it or its subfolders"
             + "".join(f"; {note}" for note in notes)
         )
     return ScanList(sorted(_resolve_name_conflicts(named_scans), key=lambda item: item.name), notes, folder)
 
 
 def safe_name(path: Path | str) -> str:
-    """A name that every system can hold; two paths never get the same one.
+    """Escape a path so that it is valid on every file system; distinct paths stay distinct.
 
     Examples
     --------
@@ -125,7 +125,7 @@ def safe_name(path: Path | str) -> str:
 
 
 def conflicting_names(names: Iterable[str]) -> set[str]:
-    """Names that stand there twice, or that are a folder of another one.
+    """Names that occur twice, or that are a parent folder of another name.
 
     Examples
     --------
@@ -155,7 +155,7 @@ def _safe_component(part: str) -> str:
 
 
 def _resolve_name_conflicts(named_scans: list[tuple[Item, str]]) -> list[Item]:
-    """The items by their short names, those that clash by their whole ones."""
+    """Use short names, and full paths for those that conflict."""
     items = [item for item, _ in named_scans]
     while conflicts := conflicting_names(item.name for item in items):
         items = [
@@ -166,7 +166,7 @@ def _resolve_name_conflicts(named_scans: list[tuple[Item, str]]) -> list[Item]:
 
 
 def _walk_folders(top: Path, notes: list[str]) -> Iterator[tuple[set[str], list[Path], list[Path]]]:
-    """Of every folder: the names in it, the scans and the images."""
+    """Walk all folders; yield entry names, scans and images of each."""
     pending: list[tuple[Path, frozenset[tuple[int, int]]]] = [(top, frozenset())]
     while pending:
         folder, ancestors = pending.pop()
@@ -176,11 +176,11 @@ def _walk_folders(top: Path, notes: list[str]) -> Iterator[tuple[set[str], list[
         except FileNotFoundError:
             raise InputError(f"{folder}: there is no such folder") from None
         except OSError as problem:
-            notes.append(f"{folder} was left out, as it cannot be read: {problem.strerror}")
+            notes.append(f"{folder} was skipped because it cannot be read: {problem.strerror}")
             continue
         folder_id = (here.st_dev, here.st_ino)
         if folder_id in ancestors:
-            notes.append(f"{folder} was left out: it is a link to a folder that it lies in")
+            notes.append(f"{folder} was skipped: it is a link to one of its parent folders")
             continue
         scans, images = [], []
         for entry in entries:

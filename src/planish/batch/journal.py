@@ -1,8 +1,8 @@
-"""What a batch has done so far: a file that only grows, one line an item, each on the disk before the next begins.
+"""Journal of a batch: an append-only file, one JSON line per finished item, flushed to disk before the next.
 
-Not SQLite: its write-ahead log does not work on network file systems, where shelves of scans stand, and one writer
-that only appends needs no more than this. A kill can at most cut the last line short, which is then left out. The
-folders of the items hold the same facts once more (`item.json`), so that even a lost journal costs no work.
+SQLite is not used because its write-ahead log does not work on network file systems, where collections of scans are
+often stored, and a single appending writer needs no database. A kill can truncate at most the last line, which is then
+ignored. `item.json` in the folder of each item holds the same data, so a lost journal costs no work.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ from planish.io.files import telling, write_bytes
 
 @dataclass(frozen=True)
 class Entry:
-    """An item that was done, or that failed.
+    """A finished or failed item.
 
     Attributes
     ----------
     row : Row
     item_as_json : list
-        What the user gave, or what lay beside the scan.
+        Files and unit of the item, see `item_as_json`.
     options, inputs : str
-        Fingerprints of the order and of the content of the files: where both are the same, nothing is to be done.
+        Fingerprints of the options and of the input files; if both are unchanged, the item is up to date.
     file_stamps : tuple of FileStamp
-        Of these files.
+        Of the input files.
     """
 
     row: Row
@@ -41,7 +41,7 @@ class Entry:
     file_stamps: tuple[FileStamp, ...]
 
     def is_current(self, item: Item, options: str) -> bool:
-        """Whether nothing has changed since, as far as can be seen without reading the files."""
+        """Whether options, item and files are unchanged, judged without reading the files."""
         return (
             self.options == options
             and self.item == item_as_json(item)
@@ -50,13 +50,13 @@ class Entry:
 
 
 def item_as_json(item: Item) -> list[Any]:
-    """An item's files and unit as plain JSON."""
+    """Files and unit of an item as JSON values."""
     near = [None if path is None else os.fspath(path) for path in (item.nearby_photo, item.nearby_camera)]
     return [os.fspath(item.scan), [*map(os.fspath, item.photo)], [*map(os.fspath, item.camera)], *near, item.units]
 
 
 class Journal:
-    """The entries by the names of their items; made from the file, and kept on it.
+    """Entries by item name, backed by the journal file.
 
     Examples
     --------
@@ -77,7 +77,7 @@ class Journal:
     def __enter__(self) -> Journal:
         lines = self.path.read_bytes().split(b"\n") if self.path.exists() else []
         self.entries = {entry.row.name: entry for line in lines if (entry := _parse_line(line))}
-        if len(lines) != len(self.entries) + 1:  # entries that were followed by others, or a line that was cut short
+        if len(lines) != len(self.entries) + 1:  # superseded entries, or a truncated line
             write_bytes(self.path, (_format_line(entry) for entry in self.entries.values()))
         with telling(self.path):
             self._file = self.path.open("ab")
@@ -87,7 +87,7 @@ class Journal:
         self._file.close()
 
     def add(self, entry: Entry) -> None:
-        """Note an entry; when this returns, it is on the disk."""
+        """Append an entry; it is on disk when this returns."""
         with telling(self.path):
             self._file.write(_format_line(entry))
             self._file.flush()

@@ -1,4 +1,4 @@
-"""The items of a batch from a list: CSV with a line of names, or one JSON object a line."""
+"""Items of a batch from a list file: CSV with a header line, or JSON Lines."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ def read_list(path: Path) -> ScanList:
     Parameters
     ----------
     path : Path
-        .csv whose first line names its columns, or .jsonl; `scan`, and as wanted `photo`, `camera` (several of them
-        as a JSON list, in CSV with ; between), `name`, `units`. Paths are seen from the folder of the list. Without a
-        name, a scan is named by its path as the list has it, without the suffix.
+        .csv with a header line, or .jsonl; column `scan`, and optionally `photo`, `camera` (several as a JSON list,
+        in CSV separated by ;), `name`, `units`. Paths are relative to the folder of the list. The default name is the
+        path of the scan as listed, without suffix.
 
     Raises
     ------
     InputError
-        Where a line cannot be understood, or two items have the same name.
+        If a line cannot be parsed, or two items have the same name.
 
     Examples
     --------
@@ -41,14 +41,12 @@ def read_list(path: Path) -> ScanList:
     ('a/1', '1.jpg')
     """
     if path.suffix.lower() in SCANS:
-        raise InputError(
-            f"{path} is one scan; a folder of scans or a list is wanted here, and planish restore takes this"
-        )
-    path = path.absolute()  # workers elsewhere stand in other folders
+        raise InputError(f"{path} is a single scan, not a folder of scans or a list; use planish restore for it")
+    path = path.absolute()  # workers may have another working directory
     try:
         text = read_bytes(path).decode("utf-8-sig")
     except UnicodeDecodeError:
-        raise InputError(f"{path} is no text in UTF-8; save the list as CSV (UTF-8)") from None
+        raise InputError(f"{path} is not UTF-8 text; save the list as CSV (UTF-8)") from None
     rows = _json_rows(path, text) if path.suffix.lower() in (".jsonl", ".ndjson") else _csv_rows(path, text)
     lines_by_name: dict[str, list[int]] = {}
     items = []
@@ -57,13 +55,13 @@ def read_list(path: Path) -> ScanList:
         lines_by_name.setdefault(item.name, []).append(line)
         items.append(item)
     if not items:
-        raise InputError(f"{path} lists no scan; a line for each is wanted, with the column scan")
+        raise InputError(f"{path} lists no scan; give one line per scan, with the column scan")
     conflicts = sorted(conflicting_names(item.name for item in items))
     if conflicts:
         lines = ", ".join(str(line) for line in lines_by_name[conflicts[0]])
         raise InputError(
-            f"{path}: the name {conflicts[0]} (line {lines}) stands there twice or is a folder of another name"
-            f"{f', as are {len(conflicts) - 1} others' if len(conflicts) > 1 else ''}; give each scan a name of its own"
+            f"{path}: the name {conflicts[0]} (line {lines}) occurs twice or is a parent folder of another name"
+            f"{f', as are {len(conflicts) - 1} others' if len(conflicts) > 1 else ''}; give each scan a unique name"
         )
     return ScanList(sorted(items, key=lambda item: item.name))
 
@@ -73,14 +71,16 @@ def _csv_rows(path: Path, text: str) -> Iterator[tuple[int, dict[str, Any]]]:
     names = [name.strip().lower() for name in reader.fieldnames or []]
     if "scan" not in names or not set(names) <= set(COLUMNS) or len(set(names)) < len(names):
         raise InputError(
-            f"{path}: the first line reads “{', '.join(names)[:100]}”; names of columns are wanted there: scan, and "
-            "any of photo, camera, name, units"
+            f"{path}: the first line reads “{', '.join(names)[:100]}”; expected a header with the column scan and any "
+            "of photo, camera, name, units"
         )
     reader.fieldnames = names
     try:
         for row in reader:
             if None in row:
-                raise InputError(f"{path}, line {reader.line_num}: {len(names)} columns are wanted, and there are more")
+                raise InputError(
+                    f"{path}, line {reader.line_num}: more fields than the {len(names)} columns of the header"
+                )
             yield reader.line_num, row
     except csv.Error as problem:
         raise InputError(f"{path}, line {reader.line_num}: {problem}") from None
@@ -93,11 +93,9 @@ def _json_rows(path: Path, text: str) -> Iterator[tuple[int, dict[str, Any]]]:
         try:
             row = json.loads(line)
         except (ValueError, RecursionError) as problem:
-            raise InputError(f"{path}, line {number} is no JSON: {problem}") from None
+            raise InputError(f"{path}, line {number} is not valid JSON: {problem}") from None
         if not isinstance(row, dict) or not set(row) <= set(COLUMNS):
-            raise InputError(
-                f"{path}, line {number}: an object is wanted with scan and any of {', '.join(COLUMNS[1:])}"
-            )
+            raise InputError(f"{path}, line {number}: expected an object with scan and any of {', '.join(COLUMNS[1:])}")
         yield number, row
 
 
@@ -105,10 +103,10 @@ def _item(path: Path, line: int, row: dict[str, Any]) -> Item:
     location = f"{path}, line {line}"
     scans, photos, cameras = (_paths(path, location, row, column) for column in ("scan", "photo", "camera"))
     if len(scans) != 1:
-        raise InputError(f"{location} names {len(scans)} scans; one is wanted")
+        raise InputError(f"{location} names {len(scans)} scans; expected one")
     units = row.get("units") or "auto"
     if units not in get_args(Units):
-        raise InputError(f"{location}: units is {units!r}; one of {', '.join(get_args(Units))} is wanted")
+        raise InputError(f"{location}: units is {units!r}; expected one of {', '.join(get_args(Units))}")
     name = row.get("name")
     if name:
         _check_name(location, name)
@@ -121,7 +119,7 @@ def _paths(path: Path, location: str, row: dict[str, Any], column: str) -> tuple
     value = row.get(column)
     paths = [part.strip() for part in value.split(";")] if isinstance(value, str) else value or []
     if not isinstance(paths, list) or not all(isinstance(part, str) and "\0" not in part for part in paths):
-        raise InputError(f"{location}: {column} is {value!r}; a path or a list of paths is wanted")
+        raise InputError(f"{location}: {column} is {value!r}; expected a path or a list of paths")
     return tuple(path.parent / part for part in paths if part)
 
 
@@ -130,13 +128,13 @@ def _check_name(location: str, name: Any) -> None:
     parts = name.split("/") if good else []
     if not good or name in RESERVED or any(safe_name(p) != p or p in (".", "..") or p[0] == "." for p in parts):
         raise InputError(
-            f"{location}: {str(name)[:MAX_NAME_BYTES]!r} cannot be the name of a folder here; letters, digits, - and _ "
-            "are wanted, with / for a folder in a folder"
+            f"{location}: {str(name)[:MAX_NAME_BYTES]!r} is not a valid folder name; use letters, digits, - and _, and "
+            "/ for subfolders"
         )
 
 
 def _default_name(path: Path, scan: Path) -> str:
-    """From the scan's path below the list's folder, or else from all of it."""
+    """Name from the path of the scan, relative to the folder of the list if possible."""
     below = scan.relative_to(path.parent) if scan.is_relative_to(path.parent) else scan
     parts = [part for part in PurePosixPath(below).with_suffix("").parts if part not in ("/", "..", ".")]
     return safe_name("/".join(parts) or scan.name)

@@ -1,4 +1,4 @@
-"""What is to be made of every scan of a batch."""
+"""Settings and output files that apply to every scan of a batch."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from planish.version import __version__
 
 @dataclass(frozen=True, kw_only=True)
 class BatchOptions:
-    """Settings and files, the same for all items.
+    """Settings and output files, the same for all items.
 
     Attributes
     ----------
     settings : RestoreSettings
     files : BatchFiles
     pdfa : bool
-        PDFs are for archives.
+        Write PDFs as PDF/A-2b.
     ocr : str or None
-        Language of the text to be read for PDFs.
+        Language of the OCR text layer of PDFs.
     """
 
     settings: RestoreSettings = field(default_factory=RestoreSettings)
@@ -33,12 +33,12 @@ class BatchOptions:
     ocr: str | None = None
 
     def fingerprint(self) -> str:
-        """The same for the same order to the same version of planish."""
+        """Digest of the options and of the version of planish."""
         plain = json.dumps([__version__, asdict(self)], sort_keys=True)
         return sha256(plain.encode()).hexdigest()
 
     def make_job(self, item: Item, folder: Path, photo: tuple[Path, ...], camera: tuple[Path, ...]) -> Job:
-        """The restoration of one item into a folder."""
+        """Job that restores one item into a folder."""
         files = self.files
         outputs = Outputs(
             page=folder / f"page.{files.format}",
@@ -52,6 +52,6 @@ class BatchOptions:
             ocr=self.ocr,
         )
         settings = self.settings
-        if not (files.binary or files.html):  # nobody would see it
+        if not (files.binary or files.html):  # would not be visible in any output
             settings = replace(settings, binarize=replace(settings.binarize, binarize="none"))
         return Job(scan=item.scan, photo=photo, camera=camera, units=item.units, settings=settings, outputs=outputs)

@@ -1,12 +1,12 @@
-"""The output folder: who may write to it, and how a finished item takes its place.
+"""Output folder of a batch: locking, and atomic publication of finished items.
 
-    OUT/NAME/page.tif, report.json, item.json ...    one folder an item; NAME is the item's, with its sub-folders
+    OUT/NAME/page.tif, report.json, item.json ...    one folder per item; NAME may contain subfolders
     OUT/summary.html, summary.csv, summary.jsonl
-    OUT/.planish/journal.jsonl                       what is done
-    OUT/.planish/lock                                held by the one run that may write
-    OUT/.planish/work/                               items in the making; cleared by the next run
+    OUT/.planish/journal.jsonl                       finished items
+    OUT/.planish/lock                                held by the run that writes
+    OUT/.planish/work/                               unfinished items; cleared by the next run
 
-An item is written in `work_dir` and moved to its place by one rename: whoever looks at NAME sees all of it or nothing.
+An item is written in the work folder and published by one rename, so readers of NAME see all of its files or none.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ from planish.errors import OutputError
 from planish.io.files import check_writable, make_folder, telling
 
 RECORD = "item.json"
-"""In every item's folder: what it was made from, and how it ended."""
+"""In the folder of every item: fingerprints of its inputs, and its outcome."""
 
 
 class OutputDir:
-    """An output folder that this run alone writes to. Made by `open_output_dir`."""
+    """An output folder locked by this run; created by `open_output_dir`."""
 
     def __init__(self, folder: Path, journal: Journal) -> None:
         self.folder = folder
@@ -41,17 +41,17 @@ class OutputDir:
         self.journal = journal
 
     def is_complete(self, entry: Entry) -> bool:
-        """Whether all files of an entry are where they belong."""
+        """Whether all files of an entry exist."""
         destination = self.folder / entry.row.name
         return all((destination / name).exists() for name in (RECORD, *entry.row.files))
 
     def previous_entry(self, item: Item) -> Entry | None:
-        """What was done of an item, in this order or another: from the journal, or else from the item's folder.
+        """Entry of an earlier run with any options, from the journal or else from the item's folder.
 
         Raises
         ------
         OutputError
-            Where something else than an item stands in its place.
+            If the folder of the item exists but was not created by a batch.
         """
         destination = self.folder / item.name
         entry = self.journal.entries.get(item.name) or read_record(destination, item)
@@ -62,12 +62,12 @@ class OutputDir:
         return entry if entry is not None and self.is_complete(entry) else None
 
     def move_into_place(self, finished: Path, name: str) -> None:
-        """Move a finished folder to its place, instead of what stands there.
+        """Publish a finished folder, replacing an existing one.
 
         Raises
         ------
         OutputError
-            Where the system refuses.
+            If the file system refuses.
         """
         target = self.folder / name
         make_folder(target.parent)
@@ -80,12 +80,12 @@ class OutputDir:
 
 @contextmanager
 def open_output_dir(folder: Path) -> Iterator[OutputDir]:
-    """Open an output folder for this run alone; it is made if there is none.
+    """Open and lock an output folder; it is created if it does not exist.
 
     Raises
     ------
     OutputError
-        Where another run writes to it, or the system refuses.
+        If another run holds the lock, or the file system refuses.
     """
     state_dir = folder / ".planish"
     make_folder(state_dir)
@@ -101,14 +101,14 @@ def open_output_dir(folder: Path) -> Iterator[OutputDir]:
 
 
 def _acquire_lock(lock: IO[str], folder: Path) -> None:
-    """Hold the lock until the file is closed, which the system does however the process ends."""
+    """Lock until the file is closed, which the system does however the process ends."""
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         lock.seek(0)
         raise OutputError(
-            f"{folder} is being written to by another planish batch ({lock.read().strip()}); wait until it is done, or "
-            "choose another folder with -o"
+            f"{folder} is in use by another planish batch ({lock.read().strip()}); wait until it is done, or choose "
+            "another folder with -o"
         ) from None
     lock.truncate(0)
     lock.write(f"process {os.getpid()} on {socket.gethostname()}")
@@ -116,15 +116,15 @@ def _acquire_lock(lock: IO[str], folder: Path) -> None:
 
 
 def _clear_folder(work_dir: Path) -> None:
-    """Take away what an earlier run was making when it ended."""
+    """Remove unfinished items of an earlier run."""
     shutil.rmtree(work_dir, ignore_errors=True)
     work_dir.mkdir(exist_ok=True)
 
 
 def write_record(folder: Path, entry: Entry) -> None:
-    """Write `item.json` and see to it that the folder's files are on the disk.
+    """Write `item.json` and flush all files of the folder to disk.
 
-    Of the stamps only names and fingerprints: the record is the same wherever the scans lie.
+    Only names and digests of the input files are stored, so that the record does not depend on where they are.
     """
     plain = {
         "row": entry.row.plain(),
@@ -140,7 +140,7 @@ def write_record(folder: Path, entry: Entry) -> None:
 
 
 def read_record(folder: Path, item: Item) -> Entry | None:
-    """The entry of an item's folder, without stamps, so that its files will be looked at; None where there is none."""
+    """Entry from `item.json`, without file stamps, so that the inputs will be hashed; None if there is none."""
     try:
         plain = json.loads((folder / RECORD).read_bytes())
         row = row_from_json(plain["row"])
@@ -152,7 +152,7 @@ def read_record(folder: Path, item: Item) -> Entry | None:
 
 
 def fsync_path(path: Path) -> None:
-    """Have the system put a file or a folder on the disk before anything that follows."""
+    """Flush a file or a folder to disk."""
     handle = os.open(path, os.O_RDONLY)
     try:
         os.fsync(handle)

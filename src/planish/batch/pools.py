@@ -1,4 +1,4 @@
-"""Who does the work: processes of this machine, or a Dask cluster. Both are executors of `concurrent.futures`."""
+"""Worker pools: processes of this machine, or a Dask cluster."""
 
 from __future__ import annotations
 
@@ -19,40 +19,40 @@ from planish.errors import InputError, MissingExtraError, OutputError, PlanishEr
 from planish.version import __version__
 
 _TASKS_PER_SLOT = 2
-"""Tasks that a cluster is given per slot, so that none waits for us."""
+"""Tasks submitted per worker thread of a cluster, so that no thread waits for the scheduler."""
 
 
 class Pool(Protocol):
-    """Takes tasks.
+    """Interface of worker pools.
 
     Attributes
     ----------
     slots : int
-        Tasks that it should have at a time.
+        Maximum number of submitted tasks.
     memory : float
-        Bytes for all of them together; infinite where that is not known here.
+        Memory in bytes for all of them together; infinite if unknown.
     """
 
     slots: int
     memory: float
 
     def submit(self, task: Task) -> Future[TaskResult]:
-        """Begin a task, or queue it."""
+        """Start or queue a task."""
 
     def close(self) -> None:
-        """Stop what is under way."""
+        """Cancel running tasks and release the workers."""
 
     def kill(self) -> None:
-        """End what is under way without waiting, for a program that is about to end in the middle of it."""
+        """Kill running tasks without waiting; called when the program is about to exit."""
 
 
 class LocalPool:
-    """Processes of this machine.
+    """Worker processes on this machine.
 
     Parameters
     ----------
     jobs : int, optional
-        How many at a time; by default one for each core. The cores are divided among them.
+        Number of concurrent processes; by default one per core. The cores are divided among them.
     """
 
     def __init__(self, jobs: int | None = None) -> None:
@@ -64,21 +64,21 @@ class LocalPool:
         self._stop = threading.Event()
 
     def submit(self, task: Task) -> Future[TaskResult]:
-        """Begin a task, or queue it."""
+        """Start or queue a task."""
         memory_mb = self.memory / 1e6 if isfinite(self.memory) else None
         limits = replace(task.limits, threads=self._threads, memory_mb=memory_mb)
         return self._pool.submit(run_task, replace(task, limits=limits), self._stop)
 
     def close(self) -> None:
-        """Stop what is under way."""
+        """Cancel running tasks and release the workers."""
         self._stop.set()
         self._pool.shutdown(cancel_futures=True)
 
     def kill(self) -> None:
-        """End what is under way without waiting; the processes would notice by themselves, but seconds later."""
+        """Kill the worker processes; without this they would exit by themselves, but seconds later."""
         if self._stop.is_set():
             return
-        with suppress(RuntimeError):  # one was being started just now
+        with suppress(RuntimeError):  # a process is being started concurrently
             for process in multiprocessing.active_children():
                 assert process.pid is not None
                 with suppress(ProcessLookupError, PermissionError):
@@ -86,23 +86,23 @@ class LocalPool:
 
 
 class DaskPool:
-    """A Dask cluster whose workers see the same files under the same paths.
+    """A Dask cluster whose workers share the file system under the same paths.
 
     Parameters
     ----------
     address : str
-        Of the scheduler, as tcp://host:8786.
+        Of the scheduler, for example tcp://host:8786.
     folder : Path
-        The output, which all workers must see.
+        Output folder, which all workers must be able to access.
 
     Raises
     ------
     MissingExtraError
-        Where Dask is not installed.
+        If Dask is not installed.
     InputError
-        Where no scheduler answers, or it has no workers, or they have another version of planish.
+        If no scheduler answers, it has no workers, or they run another version of planish.
     OutputError
-        Where a worker does not see the folder.
+        If a worker cannot access the folder.
     """
 
     def __init__(self, address: str, folder: Path) -> None:
@@ -113,19 +113,19 @@ class DaskPool:
         self._executor: Executor = self._client.get_executor(pure=False)
 
     def submit(self, task: Task) -> Future[TaskResult]:
-        """Queue a task; Dask gives it to another worker where one is lost."""
+        """Queue a task; Dask reschedules it if its worker is lost."""
         target: Future[TaskResult] = Future()
         dask_future = self._executor.submit(_run_task_in_dask, replace(task, limits=replace(task.limits, threads=1)))
         dask_future.add_done_callback(lambda source: _copy_result(source, target))
         return target
 
     def close(self) -> None:
-        """Take leave of the cluster, which may still finish what it has begun."""
+        """Disconnect from the cluster, which may still finish running tasks."""
         with suppress(OSError, TimeoutError):
             self._client.close(timeout=1)
 
     def kill(self) -> None:
-        """Nothing: Dask takes back what nobody waits for."""
+        """Do nothing: Dask cancels tasks without a client."""
 
     def _check_workers(self, address: str, folder: Path) -> None:
         info = self._client.run(_worker_info, os.fspath(folder.resolve()))
@@ -134,11 +134,11 @@ class DaskPool:
         for worker, (version, sees_folder) in info.items():
             if version != __version__:
                 raise InputError(
-                    f"the Dask worker {worker} has planish {version}, and here is {__version__}; make them one"
+                    f"the Dask worker {worker} runs planish {version}, but this is {__version__}; install one version"
                 )
             if not sees_folder:
                 raise OutputError(
-                    f"the Dask worker {worker} does not see {folder.resolve()}; all workers need the same file system "
+                    f"the Dask worker {worker} cannot access {folder.resolve()}; all workers need the same file system "
                     "under the same path"
                 )
 
@@ -158,7 +158,7 @@ def _connect(address: str) -> Any:
 
 
 def _copy_result(source: Future[TaskResult], target: Future[TaskResult]) -> None:
-    """What Dask answers; where it gives up, a sentence."""
+    """Copy result or exception of a Dask future; errors of Dask itself become an `InputError`."""
     problem = CancelledError() if source.cancelled() else source.exception()
     if problem is None:
         target.set_result(source.result())
@@ -167,7 +167,7 @@ def _copy_result(source: Future[TaskResult], target: Future[TaskResult]) -> None
     else:
         reason = " ".join(f"{type(problem).__name__} {problem}".split())[:200]
         target.set_exception(
-            InputError(f"the Dask cluster gave up ({reason}); look after it and run the same again: what is done stays")
+            InputError(f"the Dask cluster failed ({reason}); repair it and run the same command to resume")
         )
 
 
@@ -176,6 +176,6 @@ def _worker_info(folder: str) -> tuple[str, bool]:
 
 
 def _run_task_in_dask(task: Task) -> TaskResult:
-    # Dask's workers are daemons to multiprocessing, which lets these have no processes; ours end with their parent
+    # multiprocessing forbids children of daemonic processes such as Dask workers; ours exit with their parent anyway
     multiprocessing.current_process().daemon = False
     return run_task(task)

@@ -1,4 +1,4 @@
-"""A small picture of a page, for the summary."""
+"""Thumbnail of a page for the summary."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ LONG_SIDE_PX = 480
 
 
 def write_preview(path: Path, page: Path) -> None:
-    """Write a small JPEG of a page's file, of the first page if it holds several."""
-    limit, Image.MAX_IMAGE_PIXELS = Image.MAX_IMAGE_PIXELS, None  # the page is our own
+    """Write a small JPEG of the first page of a page file."""
+    limit, Image.MAX_IMAGE_PIXELS = Image.MAX_IMAGE_PIXELS, None  # a trusted file of any size
     try:
         small = _small_of_pdf(page) if page.suffix.lower() == ".pdf" else _small(Image.open(page))
     finally:

@@ -1,4 +1,4 @@
-"""What is told of one item, in one line of a table; the worst come first."""
+"""Summary row of one item, and the order of rows: worst first."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Status = Literal["failed", "not settled", "warnings", "good"]
 STATUSES: tuple[Status, ...] = ("failed", "not settled", "warnings", "good")
 """From worst to best."""
 VARYING_FIELDS = ("seconds", "cpu_seconds", "peak_mb")
-"""Of a row: what is not the same in every run."""
+"""Fields that differ from run to run."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,17 +24,17 @@ class Row:
     name : str
     status : {"failed", "not settled", "warnings", "good"}
     sentence : str
-        Why it failed, or how it ended.
+        Reason of the failure, or outcome.
     again : bool
-        Whether the next run shall try it again without being asked: its process was ended from outside.
+        Whether the next run retries it even without --retry, because its process was killed from outside.
     warnings : list of str
     expected_error_mm, strain_rms, width_mm, height_mm, effective_ppi, known_fraction, noise_mm : float or None
-        As the report has them; None for what failed.
+        From the report; None for failed items.
     points, flipped_faces, overlaps : int or None
     files : list of str
-        In the item's folder.
+        File names in the item's folder.
     seconds, cpu_seconds, peak_mb : float or None
-        Start to end, of all threads together, and the greatest memory of the process.
+        Wall-clock time, CPU time of all threads, and peak memory of the process.
     """
 
     name: str
@@ -58,7 +58,7 @@ class Row:
     peak_mb: float | None = None
 
     def plain(self) -> dict[str, Any]:
-        """What JSON holds; numbers that are not finite as None."""
+        """Fields as JSON values; non-finite numbers become None."""
         return {
             name: None if isinstance(value, float) and not isfinite(value) else value
             for name, value in asdict(self).items()
@@ -68,7 +68,7 @@ class Row:
 def row_from_report(
     name: str, report: Report, files: list[str], *, seconds: float, cpu_seconds: float, peak_mb: float
 ) -> Row:
-    """The row of an item that has a page."""
+    """Row of an item that was restored."""
     flat, page = report.flatten, report.page
     return Row(
         name=name,
@@ -93,7 +93,7 @@ def row_from_report(
 
 
 def row_from_json(plain: dict[str, Any]) -> Row | None:
-    """A row from its JSON; None where it is none."""
+    """Row from its JSON object; None if the fields do not match."""
     try:
         return Row(**plain)
     except TypeError:
@@ -101,7 +101,7 @@ def row_from_json(plain: dict[str, Any]) -> Row | None:
 
 
 def worst_first(rows: list[Row]) -> list[Row]:
-    """By status, then by expected error, then by name.
+    """Sort rows by status, then by expected error, then by name.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""A batch: items go out to a pool, finished ones come back, take their places, and are noted."""
+"""Run a batch: submit items to a pool, publish finished ones, and record them in the journal."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ from planish.job import check
 from planish.job.worker import Limits
 
 ProgressCallback = Callable[[Row, int, int], None]
-"""Told of every item that is settled, with how many are by now, and how many of these by this run."""
+"""Called with the row of every finished item, the number of finished items, and how many of these by this run."""
 
 
 @dataclass(frozen=True)
 class Counts:
-    """How a batch ended.
+    """Result of a batch.
 
     Attributes
     ----------
     items, failed, not_settled, warned, done_now : int
-        In all; of these; and how many of all were done by this run.
+        Number of items in total, by status, and number of items restored in this run.
     summary : Path
-        Of the summary to look at.
+        Path of summary.html.
     """
 
     items: int
@@ -55,31 +55,31 @@ def batch(
     seconds: float | None = None,
     progress: ProgressCallback | None = None,
 ) -> Counts:
-    """Restore every item that is not yet restored from the same files in the same order, and write the summary.
+    """Restore all items that are not up to date, and write the summary.
 
-    It may be stopped at any moment and started again: what is done stays done, and nothing is half there.
+    A batch may be interrupted at any moment and resumed by a second call; no partial results are visible.
 
     Parameters
     ----------
     scans : ScanList
-        The items, see `find_items` and `read_list`.
+        From `find_items` or `read_list`.
     folder : Path
-        For the output; made if there is none. Only one run at a time may write to it.
+        Output folder; created if it does not exist. Only one run at a time may write to it.
     make_pool : callable
-        Gives who does the work, `LocalPool` or `DaskPool`; called only where there is work.
+        Returns a `LocalPool` or `DaskPool`; called only if there is work.
     options : BatchOptions, optional
     retry : bool
-        Try again what failed before, though nothing has changed.
+        Retry items that failed before, even if nothing has changed.
     seconds : float, optional
-        That an item may take.
+        Time limit of one item.
     progress : callable, optional
 
     Raises
     ------
     OutputError
-        Where the folder is in use by another run, or cannot be written to.
+        If the folder is in use by another run, or cannot be written to.
     UsageError, MissingExtraError
-        Where the order contradicts itself, or needs what is not installed.
+        If the options contradict each other, or need an extra that is not installed.
 
     Examples
     --------
@@ -117,7 +117,7 @@ def batch(
 
 
 class _BatchRun:
-    """The rows of the items that are settled, and what is needed to settle the others."""
+    """State of a run: rows of finished items, and what is needed to process the others."""
 
     def __init__(
         self,
@@ -138,7 +138,7 @@ class _BatchRun:
         self.skipped = self.restored = 0
 
     def tasks(self, items: list[Item]) -> Iterator[Task]:
-        """What is to be done, or at least looked at; the others are settled."""
+        """Tasks for all items that are not known to be up to date; the others are recorded at once."""
         fingerprint = self.options.fingerprint()
         for item in items:
             previous = self.output_dir.previous_entry(item)
@@ -157,7 +157,7 @@ class _BatchRun:
                 )
 
     def process(self, tasks: deque[Task], pool: Pool) -> None:
-        """Keep the pool busy with as many tasks as its memory holds, at least one; put what comes back in its place."""
+        """Keep the pool busy with as many tasks as its memory allows, at least one, and publish their results."""
         running: dict[Future[TaskResult], float] = {}
         while tasks or running:
             while tasks and len(running) < pool.slots:
@@ -184,11 +184,11 @@ class _BatchRun:
 
 
 def _check_output_outside_scans(scans: ScanList, folder: Path) -> None:
-    """Refuse an output among the scans: its flat meshes would be the next run's scans."""
+    """Refuse an output folder among the scans, where the next run would take flat meshes for scans."""
     out = folder.resolve()
     searched = None if scans.folder is None else scans.folder.resolve()
     if searched is not None and (out.is_relative_to(searched) or searched.is_relative_to(out)):
         raise OutputError(
-            f"{folder} and {scans.folder} lie in one another; choose an output folder with -o that stands beside the "
-            "scans"
+            f"the output folder {folder} and the scans in {scans.folder} overlap; choose an output folder with -o "
+            "outside of the scans"
         )

@@ -1,4 +1,4 @@
-"""The summary of a batch, worst first: to look at, for a spreadsheet, and for programs."""
+"""Summary of a batch, worst items first, as HTML, CSV and JSON Lines."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from planish.batch.row import STATUSES, Row, worst_first
 from planish.io.files import write_bytes
 
 MAX_ROWS = 3000
-"""Rows of summary.html, the worst ones: more make a browser slow. The other two files have all."""
+"""Rows of summary.html, the worst ones: more make a browser slow. CSV and JSON Lines have all rows."""
 _PICTURE_PX = 120
 _CSS_CLASSES = {"failed": "failed", "not settled": "unsettled", "warnings": "warnings", "good": "good"}
 _STATUS_LABELS = {"failed": "failed", "not settled": "not settled", "warnings": "with warnings", "good": "good"}
@@ -33,7 +33,7 @@ _NUMBER_COLUMNS = (
     ("Strain, %", "strain_rms", "{:.3f}", 100.0),
     ("Seconds", "seconds", "{:.1f}", 1.0),
 )
-"""Columns of the table: title, field, form, factor."""
+"""Numeric columns: title, field, format, factor."""
 
 
 def write_summary(folder: Path, rows: list[Row], notes: list[str], scans: Path | None = None) -> Path:
@@ -42,17 +42,17 @@ def write_summary(folder: Path, rows: list[Row], notes: list[str], scans: Path |
     Parameters
     ----------
     folder : Path
-        Of the output; previews and pages are looked for in it.
+        Output folder with previews and pages.
     rows : list of Row
     notes : list of str
-        On the search for scans.
+        Notes on the search for scans.
     scans : Path, optional
-        The folder of the scans, which need not be said again and again in the table.
+        Folder of the scans, a prefix that is removed from messages in the table.
 
     Returns
     -------
     Path
-        Of summary.html.
+        Path of summary.html.
     """
     ordered = worst_first(rows)
     write_bytes(folder / "summary.jsonl", (f"{json.dumps(row.plain())}\n".encode() for row in ordered))
@@ -62,7 +62,7 @@ def write_summary(folder: Path, rows: list[Row], notes: list[str], scans: Path |
 
 
 def _csv(rows: list[Row]) -> bytes:
-    """A line an item; several warnings in one field, with | between."""
+    """One line per item; warnings joined by |."""
     file = io.StringIO()
     writer = csv.writer(file)
     names = [field.name for field in fields(Row)]
@@ -121,7 +121,7 @@ def _row(folder: Path, row: Row, scans_folder: str) -> str:
 
 
 def _details_cell(row: Row, scans_folder: str) -> str:
-    """What is worth saying of an item, without the place of all scans, and links to its files."""
+    """Error or warnings of an item, without the folder of the scans, and links to its files."""
     status_counts = escape(row.sentence.replace(scans_folder, "")) if row.status in ("failed", "not settled") else ""
     if row.warnings:
         status_counts += "".join(
@@ -136,14 +136,14 @@ def _link(row: Row, file: str, shown: str) -> str:
 
 
 def _embedded_preview(preview: Path, name: str) -> str:
-    """A small picture of the page within the summary itself, so that it can be sent around alone."""
+    """Thumbnail of the page as data URI, so that the summary is self-contained."""
     try:
         with Image.open(preview) as image:
             image.draft("RGB", (_PICTURE_PX, _PICTURE_PX))
             image.thumbnail((_PICTURE_PX, _PICTURE_PX))
             file = io.BytesIO()
             image.save(file, "JPEG", quality=50)
-    except OSError:  # what failed has none
+    except OSError:  # failed items have no preview
         return ""
     data = base64.b64encode(file.getvalue()).decode()
     alt = escape(f"The page of {name}", quote=True)

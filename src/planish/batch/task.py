@@ -1,4 +1,4 @@
-"""One item: what happens in a process of its own, and what becomes of it where that fails."""
+"""Process one item in a subprocess, and turn failures into results."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ from planish.pipeline import Progress
 
 
 class BatchAbortError(OutputError):
-    """The disk or the system refused: this is no item's fault, and ends the run."""
+    """A disk or system error that no item is responsible for; it ends the run."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Task:
-    """What a worker is given.
+    """Arguments of a worker.
 
     Attributes
     ----------
     item : Item
     options : BatchOptions
     work_dir : Path
-        Where to make the item's folder.
+        Where to create the item's folder.
     previous : Entry or None
-        What stands in place; it is kept where it was made from the same bytes in the same order.
+        Entry of an earlier run; it is kept if inputs and options are the same.
     limits : Limits
     """
 
@@ -50,29 +50,29 @@ class Task:
 
 @dataclass(frozen=True)
 class TaskResult:
-    """What a worker gives back: the entry, and the folder to be moved to its place (None: what stands there holds)."""
+    """Result of a worker: the entry, and the folder to publish (None if the existing one is up to date)."""
 
     entry: Entry
     folder: Path | None
 
 
 def run_task(task: Task, stop: threading.Event | None = None) -> TaskResult:
-    """Do an item in a process of its own; whatever happens to that becomes an entry.
+    """Process an item in a subprocess; failures become entries.
 
-    A process that was ended from outside gets a second try.
+    A subprocess that was killed from outside gets a second try.
 
     Raises
     ------
     BatchAbortError
-        Where the disk or the system refuses.
+        On disk or system errors.
     """
     for tries_left in (1, 0):
         try:
             return run_in_subprocess(restore_item, task, limits=task.limits, stop=stop)
         except BatchAbortError:
             raise
-        except OSError as problem:  # no more processes, no more files
-            raise BatchAbortError(f"{task.item.name} could not be begun: {problem.strerror or problem}") from problem
+        except OSError as problem:  # out of processes or file descriptors
+            raise BatchAbortError(f"{task.item.name} could not be started: {problem.strerror or problem}") from problem
         except PlanishError as problem:
             if not (tries_left and isinstance(problem, WorkerDiedError)):
                 return _failed_result(task, problem)
@@ -80,12 +80,12 @@ def run_task(task: Task, stop: threading.Event | None = None) -> TaskResult:
 
 
 def restore_item(task: Task, progress: Progress) -> TaskResult:
-    """Restore one item into a new folder, unless what stands in place was made from the same.
+    """Restore one item into a new folder, unless it is up to date.
 
     Raises
     ------
     PlanishError
-        As `planish.job.run` does.
+        See `planish.job.run`.
     """
     start = perf_counter()
     inputs = find_inputs(task.item)
@@ -136,5 +136,5 @@ def _new_folder(task: Task) -> Path:
     try:
         folder.mkdir(parents=True)
     except OSError as problem:
-        raise BatchAbortError(f"{folder} cannot be made: {problem.strerror}") from problem
+        raise BatchAbortError(f"{folder} cannot be created: {problem.strerror}") from problem
     return folder

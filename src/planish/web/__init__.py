@@ -1,1 +1,1 @@
-"""A service: scans are dropped on a page in the browser, or sent to an HTTP API, and pages come back."""
+"""Web service: a browser page and an HTTP API that take scans and return restored pages."""

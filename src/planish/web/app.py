@@ -1,4 +1,4 @@
-"""The application: the page in the browser, and the HTTP API that it uses as anybody may."""
+"""The ASGI application: the browser page, and the public HTTP API that it uses."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ from planish.web.zip_stream import stream_zip
 
 STATIC = Path(__file__).parent / "static"
 _INLINE_SUFFIXES = (".jpg", ".html")
-_STATUS_DETAILS = {404: "there is nothing at this address", 405: "this address is not for that method"}
-_EVENT_STREAM = media_response("text/event-stream", "The job, whenever there is news of it")
+_STATUS_DETAILS = {404: "there is no such address", 405: "this address does not allow that method"}
+_EVENT_STREAM = media_response("text/event-stream", "The job, whenever it changes")
 _FILE_RESPONSE = media_response("*/*", "The file")
 _ZIP_RESPONSE = media_response("application/zip", "All files")
 
@@ -34,14 +34,14 @@ router = APIRouter(prefix="/api")
 
 
 def application(service: Service, hosts: frozenset[str] = frozenset()) -> ASGIApp:
-    """The whole application.
+    """Create the application.
 
     Parameters
     ----------
     service : Service
-        Begins to work with the application's life, and ends with it.
+        Started and stopped with the application.
     hosts : frozenset of str
-        Names under which it may be asked for, beside localhost and plain addresses.
+        Host names to accept besides localhost and IP addresses.
     """
 
     @asynccontextmanager
@@ -74,7 +74,7 @@ ServiceDep = Annotated[Service, Depends(_service)]
 
 @router.get("/health")
 def health(service: ServiceDep) -> Health:
-    """Tell how the service does, and what it takes."""
+    """Return the state of the service and its limits."""
     return Health(
         status="stopping" if service.stopping else "ok",
         version=__version__,
@@ -91,7 +91,7 @@ def health(service: ServiceDep) -> Health:
     openapi_extra={"requestBody": request_body()},
 )
 async def create_job(request: Request, response: Response, service: ServiceDep) -> JobState:
-    """Take a scan, and put it in the queue."""
+    """Upload a scan and queue it as a job."""
     job_state = await service.submit(request)
     response.headers["location"] = f"/api/jobs/{job_state.id}"
     return job_state
@@ -99,20 +99,20 @@ async def create_job(request: Request, response: Response, service: ServiceDep) 
 
 @router.get("/jobs/{id}", responses=problem_responses(404))
 def get_job(id: str, service: ServiceDep) -> JobState:
-    """Tell how far a job is, and where its results are."""
+    """Return the state of a job and links to its results."""
     return service.job_state(id)
 
 
 @router.delete("/jobs/{id}", status_code=204, responses=problem_responses(403, 404))
 def delete_job(id: str, service: ServiceDep) -> None:
-    """End a job if it runs, and remove all of it."""
+    """Cancel a job if it runs, and delete all of its files."""
     service.get_row(id)
     service.scheduler.remove(id)
 
 
 @router.get("/jobs/{id}/events", response_class=StreamingResponse, responses=_EVENT_STREAM | problem_responses(404))
 def job_events(id: str, service: ServiceDep) -> StreamingResponse:
-    """Tell of a job as long as it goes on, as server-sent events: the job's JSON whenever there is news of it."""
+    """Stream a job until it ends, as server-sent events: the job's JSON whenever it changes."""
     service.get_row(id)
     return StreamingResponse(service.events(id), media_type="text/event-stream", headers={"x-accel-buffering": "no"})
 
@@ -123,7 +123,7 @@ def job_events(id: str, service: ServiceDep) -> StreamingResponse:
     responses=_FILE_RESPONSE | problem_responses(404, 409),
 )
 def job_file(id: str, name: str, service: ServiceDep) -> FileResponse:
-    """Give one result."""
+    """Download one result file."""
     folder, names = service.results(id)
     if name not in names:
         raise HTTPProblem(404, f"this job has no such file; it has {', '.join(names)}")
@@ -143,7 +143,7 @@ def job_file(id: str, name: str, service: ServiceDep) -> FileResponse:
     responses=_ZIP_RESPONSE | problem_responses(404, 409),
 )
 def job_archive(id: str, service: ServiceDep) -> StreamingResponse:
-    """Give all results in one zip."""
+    """Download all result files as one zip."""
     folder, names = service.results(id)
     headers = {"content-disposition": 'attachment; filename="planish.zip"'}
     return StreamingResponse(
@@ -167,7 +167,7 @@ async def _handle_problem(request: Request, problem: Exception) -> Response:
     headers = {name.lower(): value for name, value in (problem.headers or {}).items()}
     methods = {method for route in router.routes if isinstance(route, Route) for method in _methods(route, request)}
     if problem.status_code == 405 and methods:
-        headers["allow"] = ", ".join(sorted(methods))  # by itself, only the first route's are told
+        headers["allow"] = ", ".join(sorted(methods))  # Starlette lists the methods of the first matching route only
     return problem_response(problem.status_code, sentence, headers)
 
 
@@ -177,4 +177,4 @@ def _methods(route: Route, request: Request) -> set[str]:
 
 async def _handle_internal_error(request: Request, problem: Exception) -> Response:
     logging.getLogger("planish.web").error("%s %s failed", request.method, request.url.path, exc_info=problem)
-    return problem_response(500, "the service failed; whoever runs it finds the reason in its log")
+    return problem_response(500, "internal error; the operator of the service finds the reason in its log")

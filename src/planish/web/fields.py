@@ -1,4 +1,4 @@
-"""The settings of a restoration as fields of a form: named like the command line's flags, checked like them."""
+"""Restore settings as form fields, with the names and checks of the command-line flags."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from planish.web.problems import HTTPProblem
 from planish.web.restore_upload import Format
 
 _UNPREFIXED = ("flatten", "render", "shading", "binarize")
-"""Fields of RestoreSettings whose own fields are flags without a prefix."""
+"""Fields of RestoreSettings whose own fields have no prefix in their names."""
 _OTHER_FIELDS: dict[str, tuple[Any, Any, str]] = {
-    "units": (Units, "auto", "The unit of the scan's numbers. auto decides from the file and from its size."),
-    "view": (bool, True, "Also make a page to look at: the scan in 3D, the page beside it, maps of how good it is."),
-    "formats": (str, "tif,png,pdf", "The files of the page that are wanted, of tif, png, jpg and pdf, with commas."),
+    "units": (Units, "auto", "Unit of the scan's coordinates. auto decides from the file and the size of the scan."),
+    "view": (bool, True, "Also write an interactive HTML page: the scan in 3D, the page, and quality maps."),
+    "formats": (str, "tif,png,pdf", "Formats of the page, separated by commas: tif, png, jpg, pdf."),
 }
 
 
@@ -31,9 +31,9 @@ class Field:
     Attributes
     ----------
     name : str
-        As the flag has it.
+        Name of the flag.
     path : tuple of str
-        Where it stands in RestoreSettings; empty for what is none of them.
+        Path of the field in RestoreSettings; empty for other fields.
     type : type
     default : object
     help : str
@@ -48,7 +48,7 @@ class Field:
 
 @dataclass(frozen=True)
 class FormSettings:
-    """What a form asked for."""
+    """Settings decoded from a form."""
 
     settings: RestoreSettings
     units: Units
@@ -58,7 +58,7 @@ class FormSettings:
 
 @cache
 def known_fields() -> dict[str, Field]:
-    """All settings, by name.
+    """All form fields, by name.
 
     Examples
     --------
@@ -73,12 +73,12 @@ def known_fields() -> dict[str, Field]:
 
 
 def read_fields(values: Mapping[str, str]) -> FormSettings:
-    """The settings that a form's fields make.
+    """Decode form fields.
 
     Raises
     ------
     HTTPProblem
-        422 for a name or a value that there is not.
+        422 for an unknown name or an invalid value.
 
     Examples
     --------
@@ -106,7 +106,7 @@ def read_fields(values: Mapping[str, str]) -> FormSettings:
 
 
 def schema_of(field: Field) -> dict[str, Any]:
-    """What OpenAPI is told about a field."""
+    """OpenAPI schema of a field."""
     schema = {key: value for key, value in TypeAdapter(field.type).json_schema().items() if key != "title"}
     if field.name == "formats":
         schema["pattern"] = r"^(tif|png|jpg|pdf)(,(tif|png|jpg|pdf))*$"
@@ -126,7 +126,7 @@ def _iter_fields(settings: Any, path: tuple[str, ...], prefix: str) -> Iterator[
 
 
 def _replace_values(settings: Any, path: tuple[str, ...], notify: Mapping[tuple[str, ...], Any]) -> Any:
-    """The same settings with some of them changed, checked anew."""
+    """Copy settings with some values replaced; the dataclasses validate them."""
     values = {}
     for field in fields(settings):
         value, here = getattr(settings, field.name), (*path, field.name)

@@ -1,4 +1,4 @@
-"""A form with files, read as it comes: the files go to the disk at once, and nothing grows beyond its limit."""
+"""Streaming parser of multipart forms: files go to disk at once, and all sizes are limited."""
 
 from __future__ import annotations
 
@@ -21,28 +21,28 @@ _MAX_NAME_BYTES = 150
 
 @dataclass
 class Form:
-    """What came: the files by the field they came in, as they were called; and the values of the other fields."""
+    """Uploaded files by form field, and the values of the other fields."""
 
     files: dict[str, list[Path]] = field(default_factory=lambda: {name: [] for name in FILE_FIELDS})
     values: dict[str, str] = field(default_factory=dict)
 
 
 class FormReader:
-    """Takes a form's bytes in pieces of any size.
+    """Parses a form from chunks of any size.
 
     Parameters
     ----------
     content_type : str
-        The header.
+        The Content-Type header.
     folder : Path
-        For the files.
+        Destination of the files.
     limits : ServeSettings
     """
 
     def __init__(self, content_type: str, folder: Path, limits: ServeSettings):
         kind, options = parse_options_header(content_type)
         if kind != b"multipart/form-data" or not options.get(b"boundary"):
-            raise HTTPProblem(415, "a form with files is wanted: multipart/form-data, as browsers and curl -F send it")
+            raise HTTPProblem(415, "expected a form with files: multipart/form-data, as sent by browsers and curl -F")
         self.form, self.folder, self.limits = Form(), folder, limits
         self.bytes_read = 0
         self.complete = False
@@ -56,12 +56,12 @@ class FormReader:
             raise HTTPProblem(422, "the form's boundary is too long") from None
 
     def feed(self, data: bytes) -> None:
-        """Take the next piece.
+        """Parse the next chunk.
 
         Raises
         ------
         HTTPProblem
-            413 beyond a limit, 415 or 422 where the form is not what is wanted.
+            413 if a limit is exceeded, 415 or 422 if the form is invalid.
         """
         self.bytes_read += len(data)
         if self.bytes_read > self.limits.upload_mb * 1e6:
@@ -69,16 +69,16 @@ class FormReader:
         try:
             self._parser.write(data)
         except FormParserError:
-            raise HTTPProblem(422, "the form is damaged, and no multipart/form-data") from None
+            raise HTTPProblem(422, "the form is damaged: it is not valid multipart/form-data") from None
 
     def finish(self) -> Form:
-        """Say that all has come."""
+        """Return the form after the last chunk."""
         if not self.complete:
             raise HTTPProblem(422, "the form was cut short: its end is missing")
         return self.form
 
     def close(self) -> None:
-        """Close the file that is being written, if there is one."""
+        """Close the file that is being written, if any."""
         if self._file is not None:
             self._file.close()
             self._file = None
@@ -111,24 +111,24 @@ class FormReader:
         if b"filename" in options:
             self._open_file(options[b"filename"].decode("utf-8", "replace"))
         elif self._name in FILE_FIELDS:
-            raise HTTPProblem(422, f"{self._name} is to be a file; it came as a text")
+            raise HTTPProblem(422, f"{self._name} must be a file, not text")
         elif len(self.form.values) >= _MAX_FIELDS:
             raise HTTPProblem(413, f"the form has more than {_MAX_FIELDS} fields")
 
     def _open_file(self, name: str) -> None:
         if self._name not in FILE_FIELDS:
-            raise HTTPProblem(422, f"files are taken as {', '.join(FILE_FIELDS)}; one came as {self._name[:60]!a}")
-        if not name:  # what browsers send where no file was chosen
+            raise HTTPProblem(422, f"files are accepted as {', '.join(FILE_FIELDS)}, not as {self._name[:60]!a}")
+        if not name:  # sent by browsers if no file was chosen
             return
         if sum(map(len, self.form.files.values())) >= self.limits.files:
-            raise HTTPProblem(413, f"at most {self.limits.files} files are taken at once")
+            raise HTTPProblem(413, f"too many files; the limit is {self.limits.files}")
         path = self.folder / plain_name(name)
         try:
             self._file = path.open("xb")
         except FileExistsError:
-            raise HTTPProblem(422, f"two files are called {path.name!a}; each needs a name of its own") from None
+            raise HTTPProblem(422, f"two files are called {path.name!a}; give each a unique name") from None
         except OSError:
-            raise HTTPProblem(422, f"a file cannot be called {path.name!a} here; give it another name") from None
+            raise HTTPProblem(422, f"{path.name!a} is not a valid file name here; rename the file") from None
         self.form.files[self._name].append(path)
 
     def _take(self, data: bytes) -> None:
@@ -144,7 +144,7 @@ class FormReader:
             self.close()
         elif self._name not in FILE_FIELDS:
             if self._name in self.form.values:
-                raise HTTPProblem(422, f"{self._name[:60]!a} came twice")
+                raise HTTPProblem(422, f"{self._name[:60]!a} was sent twice")
             self.form.values[self._name] = self._value.decode("utf-8", "replace")
 
     def _complete(self) -> None:
@@ -152,17 +152,19 @@ class FormReader:
 
 
 def too_large(limits: ServeSettings) -> HTTPProblem:
-    """For uploads beyond the limit."""
-    return HTTPProblem(413, f"at most {limits.upload_mb:g} MB are taken at once; send fewer points or a smaller photo")
+    """Problem of an upload that exceeds the size limit."""
+    return HTTPProblem(
+        413, f"the upload is larger than the limit of {limits.upload_mb:g} MB; send fewer points or a smaller photo"
+    )
 
 
 def plain_name(name: str) -> str:
-    """The name of a file in the upload's folder.
+    """Check and normalize the name of an uploaded file.
 
     Raises
     ------
     HTTPProblem
-        422 for names that lead elsewhere or cannot be seen.
+        422 for names with path separators or invisible characters.
 
     Examples
     --------
@@ -170,12 +172,12 @@ def plain_name(name: str) -> str:
     'scan.obj'
     >>> plain_name("../scan.obj")
     Traceback (most recent call last):
-    planish.web.problems.Refusal: '../scan.obj' is no plain name of a file; give it another
+    planish.web.problems.Refusal: '../scan.obj' is not a plain file name; rename the file
     """
     name = unicodedata.normalize("NFC", name)
     is_invalid = (
         not name.isprintable() or any(mark in name for mark in "/\\:") or name.startswith(".") or name != name.strip()
     )
     if is_invalid or not 0 < len(name.encode("utf-8", "replace")) <= _MAX_NAME_BYTES:
-        raise HTTPProblem(422, f"{name[:60]!a} is no plain name of a file; give it another")
+        raise HTTPProblem(422, f"{name[:60]!a} is not a plain file name; rename the file")
     return name

@@ -1,4 +1,4 @@
-"""Around the whole application: who may ask, and what browsers are told to allow."""
+"""Middleware that checks the Host and Origin headers and sets security headers."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ _VIEW_CONTENT_SECURITY_POLICY = (
     "sandbox allow-scripts; default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data:; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
-"""For a page to look at, which has all its parts inside: it runs, but in a world of its own, and asks nobody."""
+"""For the self-contained view page: its script runs in a sandbox with an opaque origin and cannot make requests."""
 
 VIEW_HEADERS = {
     "content-security-policy": _VIEW_CONTENT_SECURITY_POLICY,
-    "cross-origin-opener-policy": "unsafe-none",  # browsers open no sandboxed page with another
+    "cross-origin-opener-policy": "unsafe-none",  # browsers refuse any other value for a sandboxed page
 }
 
 _HEADERS = {
@@ -37,20 +37,20 @@ _SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
 
 
 class HostCheckMiddleware:
-    """Refuses requests for other hosts (DNS rebinding) and from other sites' pages; sets the headers of all answers.
+    """Refuses requests for unknown hosts (DNS rebinding) and cross-origin requests; sets security headers.
 
     Parameters
     ----------
     app : ASGI application
     hosts : frozenset of str
-        Names under which the service may be asked for, beside localhost and plain addresses.
+        Host names to accept besides localhost and IP addresses.
     """
 
     def __init__(self, app: ASGIApp, hosts: frozenset[str] = frozenset()):
         self.app, self.hosts = app, hosts
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer a request, or pass it on."""
+        """Handle a request."""
         if scope["type"] != "http":
             await self.app(scope, receive, send)
             return
@@ -66,16 +66,16 @@ class HostCheckMiddleware:
         app = self.app
         if not self._is_known_host(headers.get("host", "")):
             app = problem_response(
-                421, "this service does not go by that name; whoever runs it can allow it with --allow-host"
+                421, "this host name is not allowed; the operator of the service can allow it with --allow-host"
             )
         elif scope["method"] not in _SAFE_METHODS and _is_cross_origin(headers):
             app = problem_response(
-                403, "that was asked by a page of another site; use the service's own page, or no browser"
+                403, "cross-origin requests are not allowed; use the service's own page, or a client that is no browser"
             )
         await app(scope, receive, send_with_headers)
 
     def _is_known_host(self, host: str) -> bool:
-        """Whether a Host header names this service. A plain address cannot be the name of somebody else's page."""
+        """Whether a Host header names this service. IP addresses are safe: DNS rebinding needs a name."""
         try:
             name = urlsplit(f"//{host}").hostname or ""
         except ValueError:
@@ -90,7 +90,7 @@ class HostCheckMiddleware:
 
 
 def _is_cross_origin(headers: Headers) -> bool:
-    """Whether a browser says that a page of another origin asks. Without a browser neither header comes."""
+    """Whether a browser marks the request as cross-origin. Other clients send neither header."""
     if headers.get("sec-fetch-site", "none") not in ("same-origin", "none"):
         return True
     origin = headers.get("origin")

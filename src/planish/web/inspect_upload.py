@@ -1,4 +1,4 @@
-"""What an upload holds: which file is the scan, which the photo, which the camera; and that each is what it says."""
+"""Identify scan, photos and cameras among uploaded files, and check that each matches its file type."""
 
 from __future__ import annotations
 
@@ -33,15 +33,15 @@ _HEAD_BYTES = 1 << 16
 
 @dataclass(frozen=True)
 class Upload:
-    """A scan that may be tried: names of files in the upload's folder.
+    """A validated upload: names of files in its folder.
 
     Attributes
     ----------
     scan : str
-        "." for a tifxyz, which is the folder itself.
+        File name, or "." for a tifxyz, which is the folder itself.
     photo, camera : tuple of str
     title : str
-        What the user knows it by.
+        Name for display.
     """
 
     scan: str
@@ -51,21 +51,23 @@ class Upload:
 
 
 def inspect_upload(form: Form, folder: Path, limits: ServeSettings) -> Upload:
-    """Check all files of an upload, unpack a zip among them, and tell which is what.
+    """Check all files of an upload, unpack a zip, and identify scan, photos and cameras.
 
     Raises
     ------
     HTTPProblem
-        415 for kinds of files that are not read, 413 for what is too large, 422 for what does not make one scan.
+        415 for unsupported file types, 413 if a limit is exceeded, 422 if the files are not exactly one scan.
     """
     files = form.files["scan"]
     if not files:
-        raise HTTPProblem(422, "no scan came; send its files as scan: OBJ, PLY, GLB or glTF with its photo, or one zip")
+        raise HTTPProblem(422, "no scan was sent; send its files as scan: OBJ, PLY, GLB or glTF, or one zip")
     title = files[0].name
     zips = [path for path in files if path.suffix.lower() == ".zip"]
     if zips:
         if len(files) > 1:
-            raise HTTPProblem(422, f"{zips[0].name!a} came with other files; send one zip alone, or files without it")
+            raise HTTPProblem(
+                422, f"{zips[0].name!a} was sent with other files; send one zip alone, or files without a zip"
+            )
         files = _unpack_zip(zips[0], folder, limits)
     for path in (*files, *form.files["photo"], *form.files["camera"]):
         _check_file(path, limits)
@@ -75,13 +77,13 @@ def inspect_upload(form: Form, folder: Path, limits: ServeSettings) -> Upload:
     meshes = [path for path in files if path.suffix.lower() in MESHES]
     if len(meshes) != 1:
         what = "no mesh is" if not meshes else f"{len(meshes)} meshes are"
-        raise HTTPProblem(422, f"{what} among the files; one OBJ, PLY, GLB or glTF is wanted, or the files of a tifxyz")
+        raise HTTPProblem(422, f"{what} among the files; expected one OBJ, PLY, GLB or glTF, or the files of a tifxyz")
     photo, camera = form.files["photo"], form.files["camera"]
     if not photo and not _references_image(meshes[0], files):
         photo, camera = _find_photo_and_camera(files, camera)
     if len(camera) not in (0, 1, len(photo)):
         raise HTTPProblem(
-            422, f"{len(photo)} photos came with {len(camera)} cameras; one each is wanted, or one for all"
+            422, f"{len(photo)} photos but {len(camera)} cameras were sent; send one camera per photo, or one for all"
         )
     return _upload(meshes[0].name, photo, camera, title if zips else meshes[0].name)
 
@@ -92,8 +94,8 @@ def _upload(scan: str, photo: list[Path], camera: list[Path], title: str) -> Upl
 
 def _unpack_zip(path: Path, folder: Path, limits: ServeSettings) -> list[Path]:
     if not zipfile.is_zipfile(path):
-        raise HTTPProblem(415, f"{path.name} says that it is a zip file, and is none")
-    moved = path.rename(folder.parent / "upload.zip")  # its name may be one that it holds, too
+        raise HTTPProblem(415, f"{path.name} is not a zip file")
+    moved = path.rename(folder.parent / "upload.zip")  # the archive may contain a file of its own name
     try:
         return [one for one in unpack(moved, folder, limits) if _keep_or_delete(one)]
     finally:
@@ -101,7 +103,7 @@ def _unpack_zip(path: Path, folder: Path, limits: ServeSettings) -> list[Path]:
 
 
 def _keep_or_delete(path: Path) -> bool:
-    """Whether an unpacked file may belong to a scan; others are removed again."""
+    """Whether an unpacked file may belong to a scan; others are deleted."""
     wanted = path.suffix.lower() in (*MESHES, *IMAGES, *_COMPANION_SUFFIXES)
     if not wanted:
         path.unlink()
@@ -111,22 +113,22 @@ def _keep_or_delete(path: Path) -> bool:
 def _check_file(path: Path, limits: ServeSettings) -> None:
     suffix, name = path.suffix.lower(), ascii(path.name)
     if suffix not in (*MESHES, *IMAGES, *_COMPANION_SUFFIXES):
-        raise HTTPProblem(415, f"{name} is of a kind that is not read: OBJ, PLY, GLB, glTF, photos, or one zip are")
+        raise HTTPProblem(415, f"{name} has an unsupported file type; send OBJ, PLY, GLB or glTF, photos, or one zip")
     if path.stat().st_size == 0:
-        raise HTTPProblem(422, f"{name} is empty (0 bytes); was it copied to its end?")
+        raise HTTPProblem(422, f"{name} is empty (0 bytes); was it copied completely?")
     if suffix in IMAGES:
         _check_image(path, name, limits)
         return
     head = _read_head(path)
     if suffix in _TEXT_SUFFIXES and b"\0" in head:
-        raise HTTPProblem(415, f"{name} says that it is text, and holds something else")
+        raise HTTPProblem(415, f"{name} has the file type of a text but is binary")
     magic = {".ply": (b"ply",), ".glb": (b"glTF",), ".gltf": (b"{",), ".json": (b"{", b"[")}
     if suffix in magic and not head.removeprefix(b"\xef\xbb\xbf").lstrip().startswith(magic[suffix]):
-        raise HTTPProblem(415, f"{name} says that it is {suffix[1:].upper()}, and holds something else")
+        raise HTTPProblem(415, f"{name} is not a valid {suffix[1:].upper()} file")
 
 
 def _check_image(path: Path, name: str, limits: ServeSettings) -> None:
-    """Read the size from the header alone."""
+    """Check an image by its header, without decoding it."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -136,34 +138,33 @@ def _check_image(path: Path, name: str, limits: ServeSettings) -> None:
                     width, height = image.size
             finally:
                 Image.MAX_IMAGE_PIXELS = limit
-    except Exception:  # decoders raise nearly every class there is on damaged files
-        raise HTTPProblem(415, f"{name} is no image that can be read; was it copied to its end?") from None
+    except Exception:  # decoders raise many classes of exceptions on damaged files
+        raise HTTPProblem(415, f"{name} is not a readable image; was it copied completely?") from None
     if width * height > limits.megapixels * 1e6:
         raise HTTPProblem(
             413,
-            f"{name} has {width} x {height} = {width * height / 1e6:.0f} megapixels; at most {limits.megapixels:g} are "
-            "taken",
+            f"{name} has {width * height / 1e6:.0f} megapixels ({width} x {height}); the limit is {limits.megapixels:g}",
         )
 
 
 def _check_kinds(form: Form) -> None:
     for path in form.files["photo"]:
         if path.suffix.lower() not in IMAGES:
-            raise HTTPProblem(415, f"{path.name!a} came as photo, and is no image")
+            raise HTTPProblem(415, f"{path.name!a} was sent as photo but is not an image")
     for path in form.files["camera"]:
         if path.suffix.lower() != ".json":
-            raise HTTPProblem(415, f"{path.name!a} came as camera; a camera is a file of JSON")
+            raise HTTPProblem(415, f"{path.name!a} was sent as camera but is not a JSON file")
 
 
 def _find_photo_and_camera(files: list[Path], camera: list[Path]) -> tuple[list[Path], list[Path]]:
-    """Photos and cameras among the files of a mesh that names no image."""
+    """Photos and cameras among the files of a mesh that references no image."""
     images = [path for path in files if path.suffix.lower() in IMAGES]
     camera = camera or [path for path in files if path.suffix.lower() == ".json"]
     return (images if camera or len(images) == 1 else []), camera
 
 
 def _references_image(mesh: Path, files: list[Path]) -> bool:
-    """Whether the photo is in the mesh's file, or named by it."""
+    """Whether the mesh file embeds or references an image."""
     suffix = mesh.suffix.lower()
     if suffix == ".obj":
         return any(b"map_" in _read_head(path) for path in files if path.suffix.lower() == ".mtl")

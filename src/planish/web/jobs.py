@@ -1,4 +1,4 @@
-"""What is told of a job, and who waits to hear of it."""
+"""JSON models of jobs, and notification of clients that follow a job."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ MEDIA_TYPES = {
 
 
 class File(BaseModel):
-    """One result."""
+    """One result file."""
 
     name: str
     bytes: int
@@ -35,45 +35,45 @@ class File(BaseModel):
 
 
 class Figure(BaseModel):
-    """One line of the report for people."""
+    """One line of the report summary."""
 
     what: str
     how_much: str
 
 
 class JobState(BaseModel):
-    """One scan on its way to a page."""
+    """State of a job."""
 
     id: str
-    title: str = Field(description="The name of the scan's file")
+    title: str = Field(description="File name of the scan")
     state: State
-    ahead: int = Field(description="Jobs that are done before this one is begun, while it is queued")
+    ahead: int = Field(description="Number of jobs queued before this one")
     stage: str = Field(description="read, clean, flatten, turn, render, unshade, binarize, measure, write, look")
-    share: float = Field(description="Of the stage, 0 to 1")
-    sentence: str = Field(description="Why it failed")
+    share: float = Field(description="Fraction of the stage that is done, 0 to 1")
+    sentence: str = Field(description="Reason of the failure")
     created: datetime
     finished: datetime | None
-    expires: datetime | None = Field(description="When the results are removed")
-    settled: bool | None = Field(description="False: there is a page, but the sheet did not come to rest")
+    expires: datetime | None = Field(description="When the results are deleted")
+    settled: bool | None = Field(description="False: there is a page, but the solver did not converge")
     outcome: str
     warnings: list[str]
     figures: list[Figure]
     files: list[File]
-    all_files: str | None = Field(description="Where to get them in one zip")
+    all_files: str | None = Field(description="Link to all files as one zip")
 
 
 class Health(BaseModel):
-    """How the service does, and what it takes."""
+    """State and limits of the service."""
 
     status: Literal["ok", "stopping"]
     version: str
-    warm: bool = Field(description="Whether scans are begun at once; after the start, kernels are loaded first")
+    warm: bool = Field(description="Whether compiled kernels are loaded, so that jobs start at once")
     jobs: dict[State, int]
     limits: dict[str, int | float]
 
 
 def describe_job(row: Row, scheduler: Scheduler) -> JobState:
-    """A job as it is told of."""
+    """Convert a job's row to its JSON model."""
     stage, share = scheduler.progress(row.id) if row.state == "running" else ("", 0.0)
     keep = scheduler.limits.keep_hours * 3600
     url, folder = f"/api/jobs/{row.id}", scheduler.results(row)
@@ -104,31 +104,31 @@ def describe_job(row: Row, scheduler: Scheduler) -> JobState:
 def _file_size(path: Path) -> int:
     try:
         return path.stat().st_size
-    except FileNotFoundError:  # removed just now
+    except FileNotFoundError:  # deleted concurrently
         return 0
 
 
 class JobSubscribers:
-    """Those who want to hear of a job; news may come from any thread."""
+    """Clients that follow a job; notifications may come from any thread."""
 
     def __init__(self) -> None:
         self.loop: asyncio.AbstractEventLoop | None = None
         self._subscriptions: dict[str, set[asyncio.Event]] = defaultdict(set)
 
     def notify(self, id: str) -> None:
-        """Say that there is news of a job."""
+        """Notify the subscribers of one job."""
         if self.loop is not None:
-            with contextlib.suppress(RuntimeError):  # the loop has ended
+            with contextlib.suppress(RuntimeError):  # the event loop is closed
                 self.loop.call_soon_threadsafe(self._set_events, id)
 
     def notify_all(self) -> None:
-        """Say so of all jobs."""
+        """Notify the subscribers of all jobs."""
         for id in list(self._subscriptions):
             self.notify(id)
 
     @contextlib.contextmanager
     def subscribe(self, id: str) -> Iterator[asyncio.Event]:
-        """An event that is set whenever there is news."""
+        """Event that is set whenever the job changes."""
         event = asyncio.Event()
         self._subscriptions[id].add(event)
         try:

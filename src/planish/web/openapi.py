@@ -1,4 +1,4 @@
-"""The description of the HTTP API, from the routes and settings themselves."""
+"""OpenAPI description of the HTTP API, generated from routes and settings."""
 
 from __future__ import annotations
 
@@ -12,34 +12,37 @@ from planish.web.form import FILE_FIELDS
 from planish.web.problems import Problem
 
 _DESCRIPTION = (
-    "Scans of warped documents go in, flat pages come out. Send a scan to /api/jobs, follow its events or ask for it "
-    "now and then, and fetch its files. Problems are told in one sentence each (RFC 9457)."
+    "Restores flat pages from 3D scans of warped documents. Post a scan to /api/jobs, follow its events or poll the "
+    "job, and download its files. Errors are problem details with one sentence (RFC 9457)."
 )
 _FILES = {
     "scan": "The scan's files: OBJ with MTL and image, PLY, GLB or glTF with its buffers, the files of a tifxyz folder,"
     " or one zip of them",
-    "photo": "Photos, where the scan's files do not name them",
+    "photo": "Photos, if the scan's files do not reference them",
     "camera": "The cameras of those photos (JSON)",
 }
 
 
 def describe_api(app: FastAPI) -> dict[str, Any]:
-    """What /api/openapi.json says."""
-    description = get_openapi(title=app.title, version=app.version, description=_DESCRIPTION, routes=app.routes)
-    schemas = description["components"]["schemas"]
-    for name in ("HTTPValidationError", "ValidationError"):  # names of jobs are any text, so that these never come
+    """Content of /api/openapi.json."""
+    document = get_openapi(title=app.title, version=app.version, description=_DESCRIPTION, routes=app.routes)
+    schemas = document["components"]["schemas"]
+    for name in (
+        "HTTPValidationError",
+        "ValidationError",
+    ):  # unused: FastAPI validates nothing but job ids, which are any text
         schemas.pop(name, None)
     schemas["Problem"] = Problem.model_json_schema()
-    for methods in description["paths"].values():
+    for methods in document["paths"].values():
         for operation in methods.values():
             content = operation["responses"].get("422", {}).get("content", {})
             if "application/json" in content:
                 del operation["responses"]["422"]
-    return description
+    return document
 
 
 def request_body() -> dict[str, Any]:
-    """The form of a new job."""
+    """Request body of a new job."""
     files: dict[str, dict[str, Any]] = {
         name: {"type": "array", "items": {"type": "string", "format": "binary"}, "description": _FILES[name]}
         for name in FILE_FIELDS

@@ -1,4 +1,4 @@
-"""What the service answers when it refuses: one sentence, as JSON (RFC 9457), with the right status."""
+"""Error responses: problem details as JSON (RFC 9457)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ MEDIA_TYPE = "application/problem+json"
 
 
 class Problem(BaseModel):
-    """What went wrong."""
+    """Problem details of an error response."""
 
     title: str
     status: int
@@ -22,12 +22,12 @@ class Problem(BaseModel):
 
 
 class HTTPProblem(Exception):
-    """A request that is not carried out.
+    """An error response, as exception.
 
     Attributes
     ----------
     status : int
-        Of HTTP.
+        HTTP status code.
     detail : str
         One sentence for the user.
     headers : dict
@@ -39,17 +39,17 @@ class HTTPProblem(Exception):
 
 
 def problem_response(status: int, detail: str, headers: dict[str, str] | None = None) -> JSONResponse:
-    """The response that tells of a problem."""
+    """Response with problem details."""
     problem = Problem(title=HTTPStatus(status).phrase, status=status, detail=detail)
     return JSONResponse(problem.model_dump(), status, headers, MEDIA_TYPE)
 
 
 def problem_responses(*statuses: int) -> Responses:
-    """What OpenAPI is told about them."""
+    """OpenAPI description of error responses."""
     content = {MEDIA_TYPE: {"schema": {"$ref": "#/components/schemas/Problem"}}}
     return {status: {"description": HTTPStatus(status).phrase, "content": content} for status in statuses}
 
 
 def media_response(media_type: str, description: str) -> Responses:
-    """The same of an answer that is a file or a stream."""
+    """OpenAPI description of a response that is a file or a stream."""
     return {200: {"description": description, "content": {media_type: {}}}}

@@ -1,4 +1,4 @@
-"""What is done in the process of a job. It imports nothing of a server, as it is forked from a process without one."""
+"""Restore one upload in a worker process. Imports nothing of the web framework, which the fork server does not load."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ _PREVIEW_PX = 1600
 
 @dataclass(frozen=True, kw_only=True)
 class UploadRequest:
-    """What is to be done with an upload.
+    """Parameters of the restoration of an upload.
 
     Attributes
     ----------
     scan : str
-        Name of its file in the upload's folder; "." for a tifxyz, which is the folder itself.
+        File name in the upload's folder; "." for a tifxyz, which is the folder itself.
     photo, camera : tuple of str
-        Where the scan's file does not name them.
+        Needed if the scan file does not reference them.
     settings : RestoreSettings
     units : Units
     view : bool
-        Whether a page to look at is wanted.
+        Whether to write an HTML page.
     formats : tuple of Format
-        Of the page.
+        Formats of the page.
     """
 
     scan: str
@@ -52,17 +52,17 @@ def restore_upload(
     Parameters
     ----------
     folder : Path
-        With the files of the scan, and nothing else.
+        Folder with the files of the scan and nothing else.
     out : Path
-        Folder for the results; made here.
+        Folder for the results; created by this function.
     request : UploadRequest
     progress : callable
-        Told (stage, share done).
+        Called with (stage, fraction done).
 
     Returns
     -------
     dict
-        settled, outcome, warnings, figures: what and how much; files: their names.
+        settled, outcome, warnings, figures (pairs of label and value), files (names).
     """
     from planish.job import Job, Outputs, run
     from planish.report import summary
@@ -76,7 +76,7 @@ def restore_upload(
         report=out / "report.json",
         html=out / "view.html" if request.view else None,
     )
-    os.chdir(folder)  # so that no sentence and no report tells where the files lie here
+    os.chdir(folder)  # relative paths, so that no message or report reveals folders of the server
     job = Job(
         scan=Path(request.scan),
         photo=tuple(map(Path, request.photo)),
@@ -104,7 +104,7 @@ def restore_upload(
 
 
 def _preview(out: Path) -> None:
-    """A small picture of the page for the browser."""
+    """Write a preview of the page for the browser."""
     from PIL import Image
 
     pages = sorted(path for path in out.glob("page*") if path.suffix in (".png", ".jpg", ".tif"))
@@ -119,7 +119,7 @@ def _preview(out: Path) -> None:
 
 
 def _fsync_all(out: Path, files: list[str]) -> None:
-    """Have the disk keep the files before the table says that they are there."""
+    """Flush the files to disk before the job table refers to them."""
     for path in (*(out / name for name in files), out):
         descriptor = os.open(path, os.O_RDONLY)
         try:

@@ -1,4 +1,4 @@
-"""Who sees to it that jobs are done: one thread for each process at work, and one that clears away."""
+"""Job scheduler: one thread per worker process, and one that deletes expired results."""
 
 from __future__ import annotations
 
@@ -21,28 +21,28 @@ _log = logging.getLogger("planish.web")
 
 _CLEANUP_INTERVAL = 30.0
 _RETRY_DELAY = 1.0
-"""Seconds after a failure of the service itself."""
+"""Seconds to wait after an error of the service itself."""
 _SHUTDOWN_TIMEOUT = 15.0
-"""Seconds for killed processes to end when the server stops."""
-_SERVER_ENDED = "the server was ended in the middle of this scan, again and again; try a smaller scan"
+"""Seconds to wait for killed processes at shutdown."""
+_SERVER_ENDED = "the server ended repeatedly while processing this scan; try a smaller scan"
 
 
 class Scheduler:
-    """Takes jobs from the queue, has them done, and writes down how they ended.
+    """Runs queued jobs in worker processes and records their results.
 
     Parameters
     ----------
     store : Store
     folder : Path
-        Each job has a folder in it, of its own name.
+        Parent folder of the job folders, which are named by job id.
     limits : ServeSettings
     notify : callable
-        Told the name of a job whenever there is news of it; called from other threads.
+        Called with the id of a job whenever it changes, from any thread.
 
     Attributes
     ----------
     ready : bool
-        Whether jobs begin at once; before, kernels are being loaded.
+        Whether compiled kernels are loaded, so that jobs start at once.
     """
 
     def __init__(self, store: Store, folder: Path, limits: ServeSettings, notify: Callable[[str], None]):
@@ -55,7 +55,7 @@ class Scheduler:
         self._threads: list[threading.Thread] = []
 
     def start(self) -> None:
-        """Begin the work, with what a former server left."""
+        """Recover the jobs of an earlier server, and start the threads."""
         self.store.recover(_SERVER_ENDED)
         self.clean_up()
         workers = [threading.Thread(target=self._work_loop, daemon=True) for _ in range(self.limits.jobs)]
@@ -64,7 +64,7 @@ class Scheduler:
             thread.start()
 
     def stop(self) -> None:
-        """Kill what runs; it is begun anew after the next start."""
+        """Kill running jobs; they are restarted by the next server."""
         self._stopping.set()
         with self._condition:
             for stop in self._stops.values():
@@ -74,57 +74,57 @@ class Scheduler:
             thread.join(_SHUTDOWN_TIMEOUT if self.ready else 0.5)
 
     def job_folder(self, id: str) -> Path:
-        """The folder of a job."""
+        """Folder of a job."""
         return self.folder / id
 
     def results(self, row: Row) -> Path:
-        """The folder of a job's results: one for each try, so that none meets what another left."""
+        """Folder of a job's results, one per try, so that tries do not mix."""
         return self.job_folder(row.id) / f"out-{row.tries}"
 
     def notify(self) -> None:
-        """Say that there is a new job."""
+        """Wake a worker thread for a new job."""
         with self._condition:
             self._condition.notify()
 
     def remove(self, id: str) -> bool:
-        """End a job, whatever its state, and remove all of it; False where there is none of that name."""
+        """Cancel and delete a job in any state; False if there is no such job."""
         with self._condition:
             found = self.store.remove(id)
             stop = self._stops.get(id)
             if stop is not None:
-                stop.set()  # its thread removes the folder when the process is dead
+                stop.set()  # its thread deletes the folder when the process has ended
         if found and stop is None:
             self._remove_folder(id)
         self._notify_subscribers(id)
         return found
 
     def progress(self, id: str) -> tuple[str, float]:
-        """The stage of a running job, and the share of it that is done."""
+        """Stage of a running job, and the fraction of the stage that is done."""
         return self._progress.get(id, ("", 0.0))
 
     def clean_up(self) -> None:
-        """Remove results whose time is over, and folders that belong to no job."""
+        """Delete expired results, and folders that belong to no job."""
         for id in self.store.finished_before(time() - self.limits.keep_hours * 3600):
             self.remove(id)
-        oldest = time() - self.limits.upload_seconds - 60  # younger ones may be uploads on their way
+        oldest = time() - self.limits.upload_seconds - 60  # newer ones may be uploads in progress
         known = self.store.all_ids()
         for path in self.folder.iterdir():
             if path.name not in known and path.name not in self._stops and path.stat().st_mtime < oldest:
                 self._remove_folder(path.name)
 
     def _work_loop(self) -> None:
-        with contextlib.suppress(Exception):  # if it cannot be, the jobs will tell
+        with contextlib.suppress(Exception):  # jobs will report the error
             preload_workers()
         self.ready = True
         while not self._stopping.is_set():
             try:
                 self._run_next()
-            except Exception:  # a disk out of order, say, that may come back
-                _log.exception("a job could not be begun, or its end not be written down")
+            except Exception:  # for example a disk error, which may be temporary
+                _log.exception("a job could not be started, or its result not be recorded")
                 self._stopping.wait(_RETRY_DELAY)
 
     def _run_next(self) -> None:
-        """Wait for a job, and see it through."""
+        """Wait for a job and run it."""
         with self._condition:
             row = self.store.take()
             if row is None:
@@ -139,7 +139,7 @@ class Scheduler:
             self._progress.pop(row.id, None)
             with self._condition:
                 del self._stops[row.id]
-                if not finished:  # last, as another thread may begin it at once
+                if not finished:  # last, because another thread may take it at once
                     self.store.requeue(row.id, counted=not self._stopping.is_set())
                 removed = self.store.get(row.id) is None
             if removed:
@@ -147,7 +147,7 @@ class Scheduler:
             self._notify_subscribers(row.id)
 
     def _run_job(self, row: Row, stop: threading.Event) -> bool:
-        """Have a job done, and write down how it ended; False where it shall be begun anew."""
+        """Run a job and record its result; False if it must be requeued."""
 
         def progress(stage: str, share: float) -> None:
             self._progress[row.id] = (stage, share)
@@ -182,15 +182,15 @@ class Scheduler:
             self.store.fail(row.id, str(error))
             if isinstance(error, InternalError):
                 _log.error("%s\n%s", error, error.trace)
-        shutil.rmtree(job_folder / "in", ignore_errors=True)  # the scan itself is not kept
+        shutil.rmtree(job_folder / "in", ignore_errors=True)  # uploads are not kept
         return True
 
     def _clean_up_periodically(self) -> None:
         while not self._stopping.wait(_CLEANUP_INTERVAL):
             try:
                 self.clean_up()
-            except Exception:  # a disk out of order, say, that may come back
-                _log.exception("old results could not be removed")
+            except Exception:  # for example a disk error, which may be temporary
+                _log.exception("expired results could not be deleted")
 
     def _remove_folder(self, id: str) -> None:
         shutil.rmtree(self.job_folder(id), ignore_errors=True)

@@ -1,4 +1,4 @@
-"""The server: one process that listens, until it is told to stop."""
+"""Run the HTTP server until it is told to stop."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from planish.web.app import application
 from planish.web.service import Service
 
 _SHUTDOWN_TIMEOUT = 5
-"""Seconds for answers on their way, once the server is told to stop."""
+"""Seconds to finish responses at shutdown."""
 
 
 def run_server(
@@ -38,23 +38,23 @@ def run_server(
     Parameters
     ----------
     folder : Path
-        For jobs and their files; only one server may use it.
+        Folder for jobs and their files; only one server may use it.
     limits : ServeSettings
     host : str
-        The address to listen at.
+        Address to listen on.
     port : int
-        0: one that is free.
+        0: any free port.
     hosts : frozenset of str
-        Names under which the service may be asked for, beside localhost and plain addresses.
+        Host names to accept besides localhost and IP addresses.
     ready : callable
-        Told the address for browsers when it listens.
+        Called with the URL once the server listens.
 
     Raises
     ------
     OutputError
-        If the port is in use or may not be used, or another server uses the folder.
+        If the port is in use or not permitted, or another server uses the folder.
     KeyboardInterrupt
-        After a stop by Ctrl-C.
+        After Ctrl-C.
     """
     _make_private_folder(folder)
     with _exclusive_lock(folder), _listen(host, port) as listener:
@@ -76,7 +76,7 @@ def run_server(
 
 
 def is_loopback(host: str) -> bool:
-    """Whether only this machine can reach an address."""
+    """Whether an address is reachable from this machine only."""
     try:
         return host == "localhost" or ipaddress.ip_address(host).is_loopback
     except ValueError:
@@ -84,7 +84,7 @@ def is_loopback(host: str) -> bool:
 
 
 class _Server(uvicorn.Server):
-    """Ends those who watch a job when it is told to stop, as they would hold it up."""
+    """Ends event streams at shutdown, which would otherwise delay it."""
 
     def __init__(self, config: uvicorn.Config, service: Service):
         super().__init__(config)
@@ -98,11 +98,11 @@ class _Server(uvicorn.Server):
 
 
 def _make_private_folder(folder: Path) -> None:
-    """Make the folder, for nobody else to read: scans may be of anything."""
+    """Create the folder, readable by this user only: scans may be confidential."""
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         if not os.access(folder, os.W_OK | os.X_OK):
-            raise PermissionError(errno.EACCES, "writing there is not permitted")
+            raise PermissionError(errno.EACCES, "no write permission")
     except OSError as problem:
         raise OutputError(
             f"{folder} cannot be used for jobs and results: {problem.strerror}; give another folder with --data"
@@ -111,7 +111,7 @@ def _make_private_folder(folder: Path) -> None:
 
 @contextmanager
 def _exclusive_lock(folder: Path) -> Iterator[None]:
-    """Hold the folder's lock; the system lets go of it however this process ends."""
+    """Lock the folder; the system releases the lock however this process ends."""
     descriptor = os.open(folder / "lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
     try:
         try:
@@ -130,10 +130,10 @@ def _listen(host: str, port: int) -> Iterator[socket.socket]:
     except OSError as problem:
         reasons = {
             errno.EADDRINUSE: f"port {port} is in use; give another with --port",
-            errno.EACCES: f"port {port} may not be used by you; give one from 1024 up with --port",
-            errno.EADDRNOTAVAIL: "this machine has no such address; give one that it has with --host",
+            errno.EACCES: f"no permission to use port {port}; give one from 1024 up with --port",
+            errno.EADDRNOTAVAIL: "this machine has no such address; give another with --host",
         }
         reason = reasons.get(problem.errno or 0, problem.strerror or str(problem))
-        raise OutputError(f"{host} cannot be listened at: {reason}") from None
+        raise OutputError(f"cannot listen on {host}: {reason}") from None
     with listener:
         yield listener

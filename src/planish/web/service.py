@@ -1,4 +1,4 @@
-"""What stands behind the application: the table of jobs, those who do them, and those who watch."""
+"""State behind the HTTP application: job table, scheduler and event subscribers."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from planish.web.store import Row, Store, new_id
 from planish.web.upload import receive_upload
 
 _MIN_INTERVAL, _MAX_INTERVAL = 0.1, 5.0
-"""Seconds between two words on a job: while there is news, and while there is none."""
+"""Minimum and maximum seconds between two events of a job: while it changes, and while it does not."""
 
 
 class Service:
-    """Takes jobs in and tells of them.
+    """Accepts jobs and reports on them.
 
     Parameters
     ----------
     folder : Path
-        For the table of jobs and their files; made if there is none.
+        Folder of the job table and of job files; created if it does not exist.
     limits : ServeSettings
     """
 
@@ -42,23 +42,23 @@ class Service:
         self._uploads = 0
 
     def start(self) -> None:
-        """Begin to work; called inside the event loop."""
+        """Start the scheduler; called inside the event loop."""
         self.subscribers.loop = asyncio.get_running_loop()
         self.scheduler.start()
 
     def begin_shutdown(self) -> None:
-        """Take nothing more, and let those who watch go; may be called from a signal's handler."""
+        """Refuse new jobs and end event streams; may be called from a signal handler."""
         self.stopping = True
         self.subscribers.notify_all()
 
     def stop(self) -> None:
-        """End all work."""
+        """Stop the scheduler and close the job table."""
         self.begin_shutdown()
         self.scheduler.stop()
         self.store.close()
 
     def get_row(self, id: str) -> Row:
-        """The job of that name.
+        """Row of a job.
 
         Raises
         ------
@@ -67,30 +67,30 @@ class Service:
         """
         row = self.store.get(id)
         if row is None:
-            raise HTTPProblem(404, "there is no such job; its results are removed after a while, or it never was")
+            raise HTTPProblem(404, "there is no such job; finished jobs are deleted after a while")
         return row
 
     def results(self, id: str) -> tuple[Path, list[str]]:
-        """The folder of a job's results, and their names.
+        """Folder and names of the results of a job.
 
         Raises
         ------
         HTTPProblem
-            404, or 409 while there are none.
+            404, or 409 if there are no results.
         """
         row = self.get_row(id)
         if row.state == "failed":
-            raise HTTPProblem(409, f"this job has no results, as it failed: {row.sentence}")
+            raise HTTPProblem(409, f"this job has no results because it failed: {row.sentence}")
         if row.state != "done":
-            raise HTTPProblem(409, f"this job is {row.state}; its results come when it is done")
+            raise HTTPProblem(409, f"this job is {row.state}; its results are available when it is done")
         return self.scheduler.results(row), row.result["files"]
 
     def job_state(self, id: str) -> JobState:
-        """A job as it is told of."""
+        """JSON model of a job."""
         return describe_job(self.get_row(id), self.scheduler)
 
     async def submit(self, request: Request) -> JobState:
-        """Take a new job in.
+        """Receive an upload and queue it as a job.
 
         Raises
         ------
@@ -104,14 +104,14 @@ class Service:
             row = await run_in_threadpool(self.store.add, id, title, request_data)
         except sqlite3.Error as problem:
             await run_in_threadpool(shutil.rmtree, self.jobs_folder / id, ignore_errors=True)
-            raise HTTPProblem(503, "the job cannot be kept: the server's disk is full or out of order") from problem
+            raise HTTPProblem(503, "the job cannot be stored: the server's disk is full or failing") from problem
         finally:
             self._uploads -= 1
         self.scheduler.notify()
         return await run_in_threadpool(describe_job, row, self.scheduler)
 
     async def events(self, id: str) -> AsyncIterator[str]:
-        """A job, anew whenever there is news of it, as server-sent events; ends with the job."""
+        """Server-sent events of a job, one per change; the stream ends with the job."""
         with self.subscribers.subscribe(id) as event:
             last_sent = ""
             while True:
@@ -121,7 +121,7 @@ class Service:
                     yield "event: removed\ndata: {}\n\n"
                     return
                 text = (await run_in_threadpool(describe_job, row, self.scheduler)).model_dump_json()
-                yield f"data: {text}\n\n" if text != last_sent else ": still there\n\n"
+                yield f"data: {text}\n\n" if text != last_sent else ": keep-alive\n\n"
                 last_sent = text
                 if row.state in ("done", "failed") or self.stopping:
                     return
@@ -131,9 +131,11 @@ class Service:
 
     def _check_capacity(self) -> None:
         if self.stopping:
-            raise HTTPProblem(503, "the service is being stopped; come again later", {"retry-after": "60"})
+            raise HTTPProblem(503, "the service is shutting down; try again later", {"retry-after": "60"})
         if self.store.counts()["queued"] + self._uploads >= self.limits.queue:
-            raise HTTPProblem(429, f"{self.limits.queue} scans wait already; come again later", {"retry-after": "30"})
+            raise HTTPProblem(
+                429, f"the queue is full ({self.limits.queue} scans); try again later", {"retry-after": "30"}
+            )
         required_mb = self.limits.upload_mb + self.limits.unpacked_mb
         if shutil.disk_usage(self.jobs_folder).free < required_mb * 1e6:
-            raise HTTPProblem(503, f"the server's disk has less than {required_mb:g} MB left, which a scan may take")
+            raise HTTPProblem(503, f"the server's disk has less than the {required_mb:g} MB left that a scan may need")

@@ -1,4 +1,4 @@
-"""What is known of all jobs, in one SQLite file: it outlives the server, however that ends."""
+"""Persistent job table in one SQLite file, which survives crashes of the server."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from typing import Any, Literal, get_args
 State = Literal["queued", "running", "done", "failed"]
 
 MAX_TRIES = 3
-"""How often a job is begun whose process, or whose server, is ended from outside."""
+"""Maximum number of starts of a job whose worker or server is killed."""
 
 _SCHEMA = """
 CREATE TABLE IF NOT EXISTS jobs (
@@ -40,21 +40,21 @@ class Row:
     Attributes
     ----------
     number : int
-        In the order of coming.
+        Position in the order of submission.
     id : str
-        Cannot be guessed: who knows it may see the job.
+        Unguessable: it is the only credential for the job.
     state : {"queued", "running", "done", "failed"}
     tries : int
-        How often it was begun.
+        Number of starts.
     created, finished : float
-        Seconds since 1970.
+        Unix time in seconds.
     title : str
     request : dict
-        The upload and the form's fields.
+        The upload and the form fields.
     result : dict
-        What `planish.web.restore_upload` returned.
+        Result of `planish.web.restore_upload.restore_upload`.
     sentence : str
-        Why it failed.
+        Reason of the failure.
     """
 
     number: int
@@ -70,12 +70,12 @@ class Row:
 
 
 class Store:
-    """The table of jobs; each change is whole, and on the disk before anybody is told.
+    """Table of jobs; each change is one transaction, on disk when the method returns.
 
     Parameters
     ----------
     path : Path
-        Of the file, made if there is none.
+        SQLite file, created if it does not exist.
 
     Examples
     --------
@@ -96,12 +96,12 @@ class Store:
         self._connection.executescript(_SCHEMA)
 
     def close(self) -> None:
-        """Write all that waits, and let go of the file."""
+        """Close the file."""
         with self._lock:
             self._connection.close()
 
     def add(self, id: str, title: str, request: dict[str, Any]) -> Row:
-        """Put a job at the end of the queue."""
+        """Append a job to the queue."""
         statement = "INSERT INTO jobs (id, state, created, title, wanted) VALUES (?, 'queued', ?, ?, ?)"
         self._execute(statement, id, time(), title, json.dumps(request))
         row = self.get(id)
@@ -109,57 +109,57 @@ class Store:
         return row
 
     def get(self, id: str) -> Row | None:
-        """The job of that name, if there is one."""
+        """Row of a job, if it exists."""
         return self._fetch_one("SELECT * FROM jobs WHERE id = ?", id)
 
     def take(self) -> Row | None:
-        """Begin the job that has waited longest, if one waits."""
+        """Take the first queued job, if any, and mark it as running."""
         return self._fetch_one(
             "UPDATE jobs SET state = 'running', tries = tries + 1 WHERE number = "
             "(SELECT number FROM jobs WHERE state = 'queued' ORDER BY number LIMIT 1) RETURNING *"
         )
 
     def finish(self, id: str, result: dict[str, Any]) -> bool:
-        """A running job is done; False where it was removed meanwhile."""
+        """Mark a running job as done; False if it was deleted meanwhile."""
         return self._finish(id, "done", json.dumps(result), "")
 
     def fail(self, id: str, sentence: str) -> bool:
-        """A running job cannot be done; False where it was removed meanwhile."""
+        """Mark a running job as failed; False if it was deleted meanwhile."""
         return self._finish(id, "failed", "{}", sentence)
 
     def requeue(self, id: str, *, counted: bool) -> None:
-        """A running job shall be begun anew; `counted`: that it was begun shall count as a try."""
+        """Put a running job back into the queue; `counted`: whether its start counts as a try."""
         statement = "UPDATE jobs SET state = 'queued', tries = tries - ? WHERE id = ? AND state = 'running'"
         self._execute(statement, 0 if counted else 1, id)
 
     def remove(self, id: str) -> bool:
-        """Forget a job; False where there is none of that name."""
+        """Delete a job; False if it does not exist."""
         return self._execute("DELETE FROM jobs WHERE id = ?", id) > 0
 
     def recover(self, sentence: str) -> None:
-        """After a start: jobs that ran when the server ended are begun anew, or have failed with this sentence."""
+        """Requeue jobs that ran when an earlier server ended; those at the limit of tries fail with this sentence."""
         failed = "UPDATE jobs SET state = 'failed', finished = ?, sentence = ? WHERE state = 'running' AND tries >= ?"
         self._execute(failed, time(), sentence, MAX_TRIES)
         self._execute("UPDATE jobs SET state = 'queued' WHERE state = 'running'")
 
     def finished_before(self, moment: float) -> list[str]:
-        """Names of the jobs that ended before a moment."""
+        """Ids of the jobs that ended before a time."""
         with self._lock:
             return [row[0] for row in self._connection.execute("SELECT id FROM jobs WHERE finished < ?", (moment,))]
 
     def all_ids(self) -> set[str]:
-        """Names of all jobs."""
+        """Ids of all jobs."""
         with self._lock:
             return {row[0] for row in self._connection.execute("SELECT id FROM jobs")}
 
     def counts(self) -> dict[State, int]:
-        """How many jobs are in each state."""
+        """Number of jobs in each state."""
         with self._lock:
             rows = dict(self._connection.execute("SELECT state, COUNT(*) FROM jobs GROUP BY state").fetchall())
         return {state: rows.get(state, 0) for state in get_args(State)}
 
     def queued_before(self, row: Row) -> int:
-        """How many jobs wait that came before."""
+        """Number of queued jobs submitted before this one."""
         with self._lock:
             (count,) = self._connection.execute(
                 "SELECT COUNT(*) FROM jobs WHERE state = 'queued' AND number < ?", (row.number,)
@@ -171,7 +171,7 @@ class Store:
         return self._execute(ended, state, time(), result, sentence, id) > 0
 
     def _execute(self, statement: str, *values: Any) -> int:
-        """Carry out one statement, as a transaction of its own; how many rows it changed."""
+        """Execute one statement as a transaction; number of changed rows."""
         with self._lock:
             return self._connection.execute(statement, values).rowcount
 
@@ -187,5 +187,5 @@ class Store:
 
 
 def new_id() -> str:
-    """A name that cannot be guessed."""
+    """Unguessable job id."""
     return secrets.token_urlsafe(16)

@@ -1,4 +1,4 @@
-"""A zip file, unpacked with suspicion."""
+"""Unpack untrusted zip files."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from planish.web.problems import HTTPProblem
 
 _END, _END_64, _TAIL = b"PK\x05\x06", b"PK\x06\x07", 22 + 65535
 _MAX_BYTES_PER_ENTRY = 1000
-"""That an entry of the list of files may take: its name, and some more."""
+"""Maximum bytes of an entry of the central directory: name and metadata."""
 _MAX_COMPRESSION_RATIO = 200
-"""How much smaller than its content a zip file may be: meshes as text come to a fifth, blank images to a hundredth."""
+"""Maximum compression ratio, against zip bombs: text meshes reach 5, blank images 100."""
 _CHUNK_BYTES = 1 << 20
 _IGNORED_NAMES = {"__MACOSX", "Thumbs.db", "desktop.ini"}
 _ZIP_ERRORS = (
@@ -31,18 +31,18 @@ _ZIP_ERRORS = (
     ValueError,
     struct.error,
 )
-"""What zipfile raises on damaged files, and on those that are packed in a way it does not know."""
+"""Exceptions of zipfile on damaged files and on unsupported compression methods."""
 
 
 def unpack(path: Path, folder: Path, limits: ServeSettings) -> list[Path]:
-    """Write the files of a zip into a folder, those of its folders beside each other.
+    """Extract the files of a zip into one folder, without its folder structure.
 
     Parameters
     ----------
     path : Path
-        The zip.
+        The zip file.
     folder : Path
-        Only plain files are made, only in here.
+        Destination; only regular files are created, only directly in it.
     limits : ServeSettings
 
     Returns
@@ -52,8 +52,8 @@ def unpack(path: Path, folder: Path, limits: ServeSettings) -> list[Path]:
     Raises
     ------
     HTTPProblem
-        413 for what is too large, or would be when unpacked; 422 for damaged files, names that lead elsewhere, links,
-        passwords, a zip in a zip.
+        413 if a limit is exceeded, also by unpacked sizes; 422 for damaged files, paths outside the folder, links,
+        encryption, nested zip files.
     """
     name = path.name
     _check_directory_size(path, limits)
@@ -66,23 +66,23 @@ def unpack(path: Path, folder: Path, limits: ServeSettings) -> list[Path]:
             return [_write(archive, entry, folder) for entry in entries]
     except _ZIP_ERRORS as problem:
         reason = " ".join(str(problem).split())
-        raise HTTPProblem(422, f"{name} is a damaged zip file ({reason[:100]!a}); pack it again") from None
+        raise HTTPProblem(422, f"{name} is a damaged zip file ({reason[:100]!a}); create it again") from None
 
 
 def _check_directory_size(path: Path, limits: ServeSettings) -> None:
-    """Refuse a list of files that is long, before it is read into memory."""
+    """Refuse a large central directory before it is read into memory."""
     size = path.stat().st_size
     with path.open("rb") as file:
         file.seek(max(0, size - _TAIL - 20))
         tail = file.read()
     if _END_64 in tail:
-        raise HTTPProblem(413, f"{path.name} is a zip file of the kind for more than 4 GB or 65,535 files; send less")
+        raise HTTPProblem(413, f"{path.name} is a ZIP64 file (more than 4 GB or 65,535 files); send less")
     for match in re.finditer(re.escape(_END), tail):
         if match.start() + 22 > len(tail):
             continue
         (length,) = struct.unpack_from("<I", tail, match.start() + 12)
         if length > 2 * limits.files * _MAX_BYTES_PER_ENTRY:
-            raise HTTPProblem(413, f"{path.name} holds more than {limits.files} files; pack the scan alone")
+            raise HTTPProblem(413, f"{path.name} contains more than {limits.files} files; include the scan only")
 
 
 def _is_ignored(entry: zipfile.ZipInfo) -> bool:
@@ -100,26 +100,24 @@ def _check_entry(name: str, entry: zipfile.ZipInfo) -> None:
         or "\\" in name_in_zip
         or ":" in name_in_zip
     ):
-        raise HTTPProblem(
-            422, f"{name} holds a file called {shown}, which leads out of it; pack it again with plain names"
-        )
+        raise HTTPProblem(422, f"{name} contains {shown}, a path outside of it; create it again with plain names")
     kind = stat.S_IFMT(entry.external_attr >> 16)
     if kind not in (0, stat.S_IFREG):
-        raise HTTPProblem(422, f"{name} holds {shown}, which is a link or a device; pack plain files")
+        raise HTTPProblem(422, f"{name} contains {shown}, a link or device; include regular files only")
     if entry.flag_bits & 1:
-        raise HTTPProblem(422, f"{name} is locked with a password; pack it without one")
+        raise HTTPProblem(422, f"{name} is encrypted; create it without a password")
     if name_in_zip.lower().endswith(".zip"):
-        raise HTTPProblem(422, f"{name} holds another zip file, {shown}; send that one")
+        raise HTTPProblem(422, f"{name} contains another zip file, {shown}; send that one")
 
 
 def _check_total(path: Path, entries: list[zipfile.ZipInfo], limits: ServeSettings) -> None:
     if not entries:
-        raise HTTPProblem(422, f"{path.name} holds no file")
+        raise HTTPProblem(422, f"{path.name} contains no file")
     if len(entries) > limits.files:
-        raise HTTPProblem(413, f"{path.name} holds {len(entries)} files; at most {limits.files} are taken")
+        raise HTTPProblem(413, f"{path.name} contains {len(entries)} files; the limit is {limits.files}")
     total = sum(entry.file_size for entry in entries)
     if total > limits.unpacked_mb * 1e6:
-        raise HTTPProblem(413, f"{path.name} holds {total / 1e6:.0f} MB; at most {limits.unpacked_mb:g} are taken")
+        raise HTTPProblem(413, f"{path.name} contains {total / 1e6:.0f} MB; the limit is {limits.unpacked_mb:g}")
     if total > _MAX_COMPRESSION_RATIO * path.stat().st_size:
         raise HTTPProblem(
             413,
@@ -136,8 +134,8 @@ def _write(archive: zipfile.ZipFile, entry: zipfile.ZipInfo, folder: Path) -> Pa
             while chunk := source.read(_CHUNK_BYTES):
                 remaining -= len(chunk)
                 if remaining < 0:
-                    raise zipfile.BadZipFile("a file is larger than it says")
+                    raise zipfile.BadZipFile("a file is larger than declared")
                 file.write(chunk)
     except FileExistsError:
-        raise HTTPProblem(422, f"two files in the zip are called {target.name!a}; pack one scan alone") from None
+        raise HTTPProblem(422, f"two files in the zip are called {target.name!a}; include one scan only") from None
     return target

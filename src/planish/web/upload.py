@@ -1,4 +1,4 @@
-"""An upload on its way in: from the request to a folder with a scan that may be tried, or to a refusal."""
+"""Receive an upload: from the request to a folder with a validated scan."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ from planish.web.problems import HTTPProblem
 
 _CHUNK_BYTES = 1 << 18
 _MAX_DISCARDED_BYTES = 20e6
-"""Bytes that are read and thrown away after a refusal, for clients that listen only when they have said all."""
+"""Bytes that are read and discarded after a refusal, for clients that read the response only after sending all."""
 
 
 async def receive_upload(request: Request, job_folder: Path, limits: ServeSettings) -> tuple[str, dict[str, Any]]:
-    """Read a request's form into `job_folder`/in, and check all of it.
+    """Read a request's form into `job_folder`/in and validate it.
 
     Returns
     -------
     title : str
     wanted : dict
-        As `planish.web.restore_upload.restore_upload` takes it.
+        Fields of `planish.web.restore_upload.UploadRequest`, with the form's values as `fields`.
 
     Raises
     ------
     HTTPProblem
-        408 where it takes too long, 413, 415 and 422; nothing is left in the folder then.
+        408 on timeout, 413, 415 or 422; the folder is removed.
     """
     _check_content_length(request, limits)
     folder = job_folder / "in"
@@ -50,11 +50,13 @@ async def receive_upload(request: Request, job_folder: Path, limits: ServeSettin
             reader.close()
         await run_in_threadpool(shutil.rmtree, job_folder, ignore_errors=True)
         if isinstance(problem, TimeoutError):
-            raise HTTPProblem(408, f"the upload took longer than {limits.upload_seconds:g} s; send less") from None
+            raise HTTPProblem(
+                408, f"the upload exceeded the time limit of {limits.upload_seconds:g} s; send less"
+            ) from None
         if isinstance(problem, ClientDisconnect):
             raise HTTPProblem(400, "the upload was cut short") from None
         if isinstance(problem, OSError):
-            raise HTTPProblem(503, "the upload cannot be kept: the server's disk is full or out of order") from problem
+            raise HTTPProblem(503, "the upload cannot be stored: the server's disk is full or failing") from problem
         raise
 
 

@@ -1,4 +1,4 @@
-"""Files as one zip that is made while it is sent."""
+"""Stream files as a zip archive without a temporary file."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ _CHUNK_BYTES = 1 << 18
 
 
 class _StreamBuffer:
-    """Where the zip is written: a file without a way back, whose bytes are taken out again at once."""
+    """Unseekable file object whose bytes are taken out after each write."""
 
     def __init__(self) -> None:
         self.buffer = bytearray()
@@ -29,7 +29,7 @@ class _StreamBuffer:
 
 
 def stream_zip(paths: list[Path]) -> Iterator[bytes]:
-    """The pieces of a zip of some files, as they are: pages and pictures are packed already.
+    """Yield chunks of a zip of some files, stored without compression: images and PDFs are compressed already.
 
     Examples
     --------
