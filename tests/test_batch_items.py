@@ -79,9 +79,9 @@ def test_without_a_scan_there_is_nothing_to_do(tmp_path):
 
 def test_one_scan_is_no_shelf(tmp_path):
     files(tmp_path, "sheet/meta.json", "sheet/x.tif", "sheet/y.tif", "sheet/z.tif", "a.obj")
-    with pytest.raises(InputError, match="planish restore takes this"):
+    with pytest.raises(InputError, match="is a single scan"):
         find_items(tmp_path / "sheet")
-    with pytest.raises(InputError, match="planish restore takes this"):
+    with pytest.raises(InputError, match="is a single scan"):
         read_list(tmp_path / "a.obj")
 
 

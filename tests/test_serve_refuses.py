@@ -50,7 +50,7 @@ def test_a_bad_upload_gets_a_sentence_and_leaves_nothing(service, tmp_path, name
     assert_refused(answer, status, part)
     assert str(tmp_path) not in answer.text
     assert list((tmp_path / "jobs").iterdir()) == []
-    assert service.store.ids() == set()
+    assert service.store.all_ids() == set()
 
 
 def test_good_uploads_are_taken_until_the_queue_is_full(service):
@@ -145,6 +145,6 @@ def test_every_answer_forbids_what_browsers_may_be_tricked_into(service):
 
 
 def test_a_service_that_stops_says_so(service):
-    service.say_stop()
+    service.begin_shutdown()
     assert_refused(ask(service, "POST", "/api/jobs", files=bad_uploads.GOOD), 503, "shutting down")
     assert ask(service, "GET", "/api/health").json()["status"] == "stopping"

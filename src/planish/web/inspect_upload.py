@@ -143,7 +143,8 @@ def _check_image(path: Path, name: str, limits: ServeSettings) -> None:
     if width * height > limits.megapixels * 1e6:
         raise HTTPProblem(
             413,
-            f"{name} has {width * height / 1e6:.0f} megapixels ({width} x {height}); the limit is {limits.megapixels:g}",
+            f"{name} has {width * height / 1e6:.0f} megapixels ({width} x {height}); the limit is "
+            f"{limits.megapixels:g}",
         )
 
 

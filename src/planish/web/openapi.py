@@ -27,10 +27,8 @@ def describe_api(app: FastAPI) -> dict[str, Any]:
     """Content of /api/openapi.json."""
     document = get_openapi(title=app.title, version=app.version, description=_DESCRIPTION, routes=app.routes)
     schemas = document["components"]["schemas"]
-    for name in (
-        "HTTPValidationError",
-        "ValidationError",
-    ):  # unused: FastAPI validates nothing but job ids, which are any text
+    # Unused: FastAPI validates nothing but job ids, which are any text.
+    for name in ("HTTPValidationError", "ValidationError"):
         schemas.pop(name, None)
     schemas["Problem"] = Problem.model_json_schema()
     for methods in document["paths"].values():
