@@ -159,9 +159,12 @@ def test_a_sheet_with_holes_and_cuts_keeps_every_face_up():
 
 
 class TestInvariance:
-    mesh, found, sticks, truth = known("miura", 2500, layout="delaunay")
-    page = relax(mesh, found, sticks).xy
     SAME = 1e-3  # solvers stop at a tolerance; this is five millionths of the sheet
+
+    @classmethod
+    def setup_class(cls):
+        cls.mesh, cls.found, cls.sticks, cls.truth = known("miura", 2500, layout="delaunay")
+        cls.page = relax(cls.mesh, cls.found, cls.sticks).xy
 
     def test_turning_and_moving_the_scan_turns_nothing_but_the_page(self):
         turn = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
