@@ -15,7 +15,17 @@ from planish.flattening.overlaps import overlaps
 from planish.flattening.quad_mesh import Lattice, lattice_springs, lay_lattice
 from planish.flattening.stick_solver import relax
 from planish.flattening.verlet import settle
-from planish.mesh import Topology, bounds, local_order, onto_support_plane, prolongate, renumbered, subsample, topology
+from planish.mesh import (
+    Topology,
+    bounds,
+    edges_with_area,
+    local_order,
+    onto_support_plane,
+    prolongate,
+    renumbered,
+    subsample,
+    topology,
+)
 from planish.settings import FlattenSettings
 from planish.sticks import make_sticks, strain
 from planish.types import Flattening, Floats, Mesh, Outcome, Sticks
@@ -110,7 +120,7 @@ def flatten(
         iterations=solved.iterations,
         residuals=solved.residuals,
         heights=solved.heights,
-        strain=strain(solved.xy, sticks.pairs[: sticks.edges], sticks.rest[: sticks.edges]),
+        strain=_edge_strain(solved.xy, sticks, sheet_topo),
         error_mm=error[back],
         local_strain=local_strain[back],
         seconds=seconds,
@@ -120,6 +130,14 @@ def flatten(
         warnings=solved.warnings,
         normals=None if coarse is not None or sticks.normals is None else sticks.normals[back],
     )
+
+
+def _edge_strain(xy: Floats, sticks: Sticks, topo: Topology) -> tuple[float, float]:
+    """Rms and greatest strain of the edges, without those that belong to no face with area."""
+    rest = sticks.rest[: sticks.edges]
+    if len(rest) == len(topo.edges):  # the springs of a quad mesh are no edges of triangles
+        rest = np.where(edges_with_area(rest, topo.face_edges), rest, 0.0)
+    return strain(xy, sticks.pairs[: sticks.edges], rest)
 
 
 def _by_multigrid(

@@ -1,4 +1,4 @@
-"""Faces that came out with their back up, turned over again by moving single points as little as possible.
+"""Turn faces that lie with their back up over again, by moving single points as little as possible.
 
 For a point the condition that a face around it keeps a least area is a half-plane, bounded by a line along the
 face's other side. So the place to go to is the nearest point of a small convex polygon, which lies at the point
@@ -12,13 +12,11 @@ from numba import njit
 
 from planish.mesh import Topology
 from planish.mesh.adjacency import faces_around
+from planish.mesh.measures import LEAST_HEIGHT, relative_height
 from planish.types import Floats, Ints
 
 LEAST = 0.1
 """Area that a face must keep, as a share of what its rest lengths give it. Tried smaller where there is no room."""
-
-SLIVER = 1e-6
-"""Area that a face without area by its lengths must keep, as a share of its longest side squared."""
 
 WITHOUT_GAIN = 8
 """Rounds over all points of flipped faces in a row without one flip less."""
@@ -35,6 +33,9 @@ flat."""
 def untangle(xy: Floats, faces: Ints, topology: Topology, edge_rest: Floats) -> tuple[Floats, int]:
     """Turn flipped faces over where there is room for them.
 
+    Faces without area (`planish.mesh.LEAST_HEIGHT`) may lie either way up: to turn a cap of 179 degrees over would
+    drag its neighbours by many times its height.
+
     Parameters
     ----------
     xy : (n, 2) float64 [mm]
@@ -48,13 +49,15 @@ def untangle(xy: Floats, faces: Ints, topology: Topology, edge_rest: Floats) -> 
     -------
     xy : (n, 2) float64 [mm]
     flipped : int
-        Faces that are still flipped, or have no area.
+        Faces that are still flipped, or have lost their area.
     """
-    flipped = _flipped(xy, faces)
+    if not len(_flipped(xy, faces)):
+        return xy, 0
+    need = _least_areas(topology.face_edges, edge_rest)
+    flipped = _flipped_with_area(xy, faces, need)
     if not len(flipped):
         return xy, 0
     around, face = faces_around(faces, len(xy))
-    need = _least_areas(faces, topology.face_edges, edge_rest)
     fixed = np.zeros(len(xy), np.bool_)
     fixed[topology.edges[topology.edge_uses == 1]] = True
     xy = xy.copy()
@@ -62,8 +65,8 @@ def untangle(xy: Floats, faces: Ints, topology: Topology, edge_rest: Floats) -> 
     for wide in range(1, LOOSENED + 1):
         if 0 < len(flipped) <= max(KNOTS * len(faces), FEW):
             _loosen(xy, faces, around, face, fixed, flipped, wide)
-            flipped = _turn_over(xy, faces, around, face, need, _flipped(xy, faces))
-    return xy, len(_flipped(xy, faces))
+            flipped = _turn_over(xy, faces, around, face, need, _flipped_with_area(xy, faces, need))
+    return xy, len(_flipped_with_area(xy, faces, need))
 
 
 @njit(cache=True, nogil=True)
@@ -84,13 +87,20 @@ def _flipped(xy, faces):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _least_areas(faces, face_edges, rest):  # type: ignore[no-untyped-def]
-    """Twice the area that each face should keep. By Heron's formula 16 area^2 = 4 a^2 b^2 - (a^2 + b^2 - c^2)^2."""
-    need = np.empty(len(faces))
-    for f in range(len(faces)):
-        a, b, c = rest[face_edges[f, 0]] ** 2, rest[face_edges[f, 1]] ** 2, rest[face_edges[f, 2]] ** 2
-        double = 0.5 * np.sqrt(max(4.0 * a * b - (a + b - c) ** 2, 0.0))
-        need[f] = max(LEAST * double, SLIVER * max(a, b, c))
+def _flipped_with_area(xy, faces, need):  # type: ignore[no-untyped-def]
+    flipped = _flipped(xy, faces)
+    return flipped[need[flipped] > 0.0]
+
+
+@njit(cache=True, nogil=True)
+def _least_areas(face_edges, rest):  # type: ignore[no-untyped-def]
+    """Twice the area that each face should keep; 0 for those without area, which are left as they lie."""
+    need = np.zeros(len(face_edges))
+    for f in range(len(face_edges)):
+        a, b, c = rest[face_edges[f, 0]], rest[face_edges[f, 1]], rest[face_edges[f, 2]]
+        height = relative_height(a, b, c)
+        if height >= LEAST_HEIGHT:
+            need[f] = LEAST * height * max(a, b, c) ** 2
     return need
 
 
@@ -107,7 +117,7 @@ def _turn_over(xy, faces, around, face, need, flipped):  # type: ignore[no-untyp
                 count, reach = _lines(i, xy, faces, around, face, need, share, lines)
                 _move(i, xy, lines[:count], reach)
         # Only faces around the points that were moved can have changed.
-        flipped = _flipped_near(xy, faces, around, face, flipped)
+        flipped = _flipped_near(xy, faces, around, face, need, flipped)
         idle += 1
         if len(flipped) < fewest:
             fewest, idle = len(flipped), 0
@@ -141,15 +151,16 @@ def _loosen(xy, faces, around, face, fixed, flipped, wide):  # type: ignore[no-u
 
 
 @njit(cache=True, nogil=True)
-def _flipped_near(xy, faces, around, face, old):  # type: ignore[no-untyped-def]
+def _flipped_near(xy, faces, around, face, need, old):  # type: ignore[no-untyped-def]
     near = np.empty(len(old) * 3 * 64, np.int32)
     count = 0
     for f in old:
         for k in range(3):
             i = faces[f, k]
             for at in range(around[i], around[i + 1]):
-                if count < len(near) and not _double_area(xy, faces, face[at]) > 0.0:
-                    near[count] = face[at]
+                g = face[at]
+                if count < len(near) and need[g] > 0.0 and not _double_area(xy, faces, g) > 0.0:
+                    near[count] = g
                     count += 1
     return np.unique(near[:count])
 
@@ -167,7 +178,7 @@ def _lines(i, xy, faces, around, face, need, share, lines):  # type: ignore[no-u
         q, r = faces[f, (k + 1) % 3], faces[f, (k + 2) % 3]
         dx, dy = xy[r, 0] - xy[q, 0], xy[r, 1] - xy[q, 1]
         length = np.sqrt(dx * dx + dy * dy)
-        if length > 0.0:
+        if length > 0.0 and need[f] > 0.0:
             u, v = -dy / length, dx / length
             lines[count, 0], lines[count, 1] = u, v
             lines[count, 2] = u * xy[q, 0] + v * xy[q, 1] + share * need[f] / length

@@ -4,7 +4,16 @@ from planish.mesh.adjacency import neighbours
 from planish.mesh.decimation import Coarse, subsample
 from planish.mesh.file_order import from_file_order, to_file_order
 from planish.mesh.grid_faces import grid_faces, without_small_components
-from planish.mesh.measures import angle_sums, area_vectors, border_loops, bounds, point_normals
+from planish.mesh.measures import (
+    LEAST_HEIGHT,
+    angle_sums,
+    area_vectors,
+    border_loops,
+    bounds,
+    edges_with_area,
+    point_normals,
+    relative_heights,
+)
 from planish.mesh.memory_order import local_order, renumbered
 from planish.mesh.prolongation import prolongate
 from planish.mesh.raster import rasterize
@@ -14,12 +23,14 @@ from planish.mesh.topology import topology
 from planish.types import Topology
 
 __all__ = [
+    "LEAST_HEIGHT",
     "Coarse",
     "Topology",
     "angle_sums",
     "area_vectors",
     "border_loops",
     "bounds",
+    "edges_with_area",
     "from_file_order",
     "grid_faces",
     "local_order",
@@ -28,6 +39,7 @@ __all__ = [
     "point_normals",
     "prolongate",
     "rasterize",
+    "relative_heights",
     "renumbered",
     "repair",
     "subsample",

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from planish.geometry.distances import distances
+from planish.mesh import edges_with_area
 from planish.report.fadgi import guideline
 from planish.report.measures import flipped_faces, stretch
 from planish.settings import RestoreSettings
@@ -62,7 +63,9 @@ def build_report(
     """
     mesh, edges = prepared.scan.mesh, prepared.topology.edges
     l2, linf = stretch(mesh.points, mesh.faces, flat.page_xy)
-    flipped = flipped_faces(mesh.faces, flat.page_xy)
+    flipped = flipped_faces(mesh.faces, flat.page_xy, mesh.points)
+    lengths = distances(mesh.points, edges)
+    lengths[~edges_with_area(lengths, prepared.topology.face_edges)] = 0.0
     messages = [*prepared.warnings, *flat.warnings, *warnings]
     if flipped:
         messages.append(
@@ -98,7 +101,7 @@ def build_report(
             seconds=flat.seconds,
             strain_rms=flat.strain[0],
             strain_max=flat.strain[1],
-            strain_raw_rms=strain(flat.page_xy, edges, distances(mesh.points, edges))[0],
+            strain_raw_rms=strain(flat.page_xy, edges, lengths)[0],
             stretch_l2=l2,
             stretch_linf=linf,
             flipped_faces=flipped,

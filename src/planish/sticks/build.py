@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 from planish.geometry.distances import distances
-from planish.mesh import Topology
+from planish.mesh import LEAST_HEIGHT, Topology, relative_heights
 from planish.parallel import thread_pool
 from planish.settings import Lengths
 from planish.surface.smooth_lengths import smooth_lengths
@@ -52,7 +52,7 @@ def make_sticks(mesh: Mesh, topology: Topology, lengths: Lengths = "smooth", *, 
     return Sticks(
         pairs=np.concatenate([topology.edges, corners]),
         rest=np.concatenate([edge_rest, bend_rest]),
-        weight=np.ones(len(edge_rest) + len(bend_rest)),
+        weight=np.concatenate([np.ones(len(edge_rest)), bending_weights(edge_rest, edge, topology)]),
         edges=len(edge_rest),
         noise_mm=None if smoothed is None else smoothed.noise_mm,
         noise_left=1.0 if smoothed is None else smoothed.noise_left,
@@ -68,6 +68,19 @@ def bending_pairs(faces: Ints, topology: Topology) -> tuple[Ints, Ints]:
     with thread_pool() as parallel_for:
         parallel_for(_opposite_corners, len(edge), edge, topology.edges, topology.edge_faces, faces, corners)
     return corners, edge
+
+
+def bending_weights(edge_rest: Floats, edge: Ints, topology: Topology) -> Floats:
+    """(b,) weights of the bending sticks: 1, but less across a face without area.
+
+    A stick across a cap turns with the cap's small angle, which the lengths tell poorly or with the wrong sign. Its
+    weight is (h / 0.02)^2 where the lower of its two faces is h < 0.02 high in parts of its longest side
+    (`LEAST_HEIGHT`), as the variance of a length that depends on 1 / h falls.
+    """
+    height = np.minimum(relative_heights(edge_rest, topology.face_edges) / LEAST_HEIGHT, 1.0)
+    if height.min(initial=1.0) == 1.0:
+        return np.ones(len(edge))
+    return np.asarray(height[topology.edge_faces[edge]].min(axis=1) ** 2)
 
 
 def unfolded_distance(
