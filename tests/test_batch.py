@@ -356,7 +356,7 @@ def test_the_exit_code_is_that_of_the_worst(folder, restored, capsys):
     assert command(folder) == 3
     said = capsys.readouterr()
     assert said.out == ""
-    assert said.err == f"planish: 1 of 5 scans failed; {folder}/out/summary.html says why, the worst first\n"
+    assert said.err == f"planish: 1 of 5 scans failed; {folder}/out/summary.html lists the reasons, worst first\n"
     shutil.rmtree(folder / "in" / "b")
     assert command(folder) == 5
     shutil.rmtree(folder / "in" / "e")
@@ -380,7 +380,7 @@ def test_what_is_said_when_asked(folder, restored, capsys):
     ("flags", "code", "sentence"),
     [
         (["--jobs", "0"], 2, "--jobs must be at least 1"),
-        (["--jobs", "2", "--dask", "tcp://localhost:1"], 2, "give one of them"),
+        (["--jobs", "2", "--dask", "tcp://localhost:1"], 2, "give only one of them"),
         (["--timeout", "0"], 2, "--timeout must be greater than 0"),
         (["--dask", "nowhere"], 3, "no Dask scheduler answers at nowhere"),
         (["--pdfa"], 2, "--pdfa is for PDF"),

@@ -88,7 +88,7 @@ def test_at_one_go(scans, at_one_go, capsys):
     assert run(["batch", str(scans), "-o", str(at_one_go), *FLAGS, "--verbose"]) == 3
     said = capsys.readouterr()
     assert "2 failed; 0 done now" in said.out
-    assert f"2 of 8 scans failed; {at_one_go}/summary.html says why" in said.err
+    assert f"2 of 8 scans failed; {at_one_go}/summary.html lists the reasons" in said.err
 
 
 def test_stopped_and_killed_it_ends_as_at_one_go(scans, at_one_go, tmp_path):

@@ -220,7 +220,7 @@ def test_signals_end_the_work_with_a_sentence(tmp_path, number, how):
     job.send_signal(number)
     _, said = job.communicate(timeout=60)
     os.close(writer)
-    assert said == f"planish: {how}; nothing was half-written\n"
+    assert said == f"planish: {how}; no incomplete files were left\n"
     assert job.returncode == 128 + number
     assert names(tmp_path) == ["scan.obj"]
 
@@ -253,7 +253,7 @@ def test_a_signal_in_the_middle_of_decoding_is_not_silenced(tmp_path):
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 143
-    assert done.stderr == "planish: ended by SIGTERM; nothing was half-written\n"
+    assert done.stderr == "planish: ended by SIGTERM; no incomplete files were left\n"
 
 
 def test_a_clock_that_jumps_changes_nothing(sheet, tmp_path, monkeypatch):

@@ -268,12 +268,12 @@ def test_commands_from_squared_paper_to_scan(book, paper, tmp_path, capsys):
     assert run([*command, "--camera", str(tmp_path / "camera.json")]) == 0
     said = capsys.readouterr()
     assert "5 mm assumed: the true size of pages is not known" in said.err
-    assert "squares rms off their lattice" in said.out
+    assert "squares rms from their grid" in said.out
     planes, _, notes = read_rig(rig)
     assert planes.shape == (2, 4)
     assert "--square-mm" in notes[0]
     assert run(command) == 3
-    assert "does not tell the camera's focal length" in capsys.readouterr().err
+    assert "has no focal length in its EXIF data" in capsys.readouterr().err
     write_rig(rig, book[0].planes[0], book[0].camera)
     scan = str(tmp_path / "scan.ply")
     assert run(["acquire", "laser-lines", at["book"], "--photo", at["book-off"], "--lasers", rig, "-o", scan]) == 0

@@ -28,8 +28,8 @@ class TestCompletion:
         script = tmp_path / "script"
         assert run(["install-completion", "--shell", shell, "-o", str(script)]) == 0
         assert (
-            capsys.readouterr().out
-            == f"Completion for {shell} is in {script}; source it, or put it where the shell looks.\n"
+            capsys.readouterr().out == f"Completion for {shell} was written to {script}; "
+            "source it, or move it to the shell's completion folder.\n"
         )
         assert "restore" in script.read_text()
         assert "mass-spring" in script.read_text()  # choices as well
@@ -75,7 +75,7 @@ class TestFirstRun:
         with console.progress_bar(quiet=False) as progress:
             progress("flatten", 0.5)
             njit(lambda x: x + 1)(1)
-        assert "s of this went into compiling, which happens only once" in capsys.readouterr().err
+        assert "s of this, which happens only once" in capsys.readouterr().err
 
     def test_where_nothing_is_compiled_nothing_is_said(self, monkeypatch, capsys):
         self.watched(monkeypatch)

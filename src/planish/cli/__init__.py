@@ -1,4 +1,4 @@
-"""The command line: files in, files out, one sentence when something is wrong."""
+"""The command-line interface: parse flags, call the library, report errors in one sentence."""
 
 from planish.cli.main import main
 

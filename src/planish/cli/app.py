@@ -1,4 +1,4 @@
-"""The bare `planish` command, to which `main` adds the subcommands."""
+"""The root `planish` command, to which `main` adds the subcommands."""
 
 from cyclopts import App
 
@@ -10,8 +10,8 @@ app = App(
     version=__version__,
     version_flags=["--version"],
     help_epilogue=(
-        "Exit codes: 0 done; 2 bad command line; 3 input cannot be used; 4 output cannot be written; 5 the sheet did "
-        "not settle (the result is still written); 6 an optional part is not installed; 130 interrupted; 143 "
+        "Exit codes: 0 success; 2 invalid command line; 3 unusable input; 4 output cannot be written; 5 the sheet did "
+        "not settle (the result is still written); 6 an optional dependency is not installed; 130 interrupted; 143 "
         "terminated."
     ),
 )

@@ -1,4 +1,4 @@
-"""`planish batch`: shelves of scans, each into its own folder, and one summary."""
+"""`planish batch`: restore many scans, each into its own folder, with one summary."""
 
 from __future__ import annotations
 
@@ -28,31 +28,31 @@ def batch(
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> bool:
-    """Restore every scan of a folder or a list, and sum up how good the pages are, the worst first.
+    """Restore all scans of a folder or a list, and summarize the quality of the pages, worst first.
 
-    It may be stopped at any moment: run again, it goes on where it was. What was done from the same files with the
-    same settings is not done again. A scan that cannot be restored never stops the others.
+    A run may be interrupted at any moment; the same command resumes it. Scans that were restored from the same files
+    with the same settings are skipped. A scan that cannot be restored does not stop the others.
 
     Parameters
     ----------
     scans
-        A folder with scans in it or below it; or a list of scans: .csv or .jsonl with scan and, as wanted, photo,
+        A folder, searched with its subfolders; or a list of scans: .csv or .jsonl with scan and optionally photo,
         camera, name, units (docs/batch.md).
     output
-        The folder for the pages, each in a folder of its own, and for summary.html, summary.csv and summary.jsonl.
+        Output folder: one subfolder per scan, and summary.html, summary.csv and summary.jsonl.
     jobs
-        Scans at work at once on this machine, by default as many as it has cores; fewer where memory is short.
+        Number of concurrent scans on this machine; by default one per core, fewer if memory is short.
     dask
-        Have the work done by the Dask cluster whose scheduler is at this address, as tcp://host:8786. Its workers need
-        the same file system under the same paths. Needs the extra planish[dask].
+        Run on the Dask cluster whose scheduler has this address, for example tcp://host:8786. Its workers need the
+        same file system under the same paths. Needs the extra planish[dask].
     timeout
-        Seconds after which a scan is given up.
+        Time limit per scan in seconds.
     retry
-        Try again what failed before, though nothing has changed.
+        Retry scans that failed before, even if nothing has changed.
     quiet
         Print nothing but errors.
     verbose
-        Print a line for every scan, and the count when the output is piped.
+        Print a line per scan, and the counts even if the output is piped.
     """
     from planish.batch import BatchOptions, DaskPool, LocalPool, find_items, read_list
     from planish.batch import batch as restore_all
@@ -60,7 +60,7 @@ def batch(
     from planish.errors import InputError, UsageError
 
     if jobs is not None and dask is not None:
-        raise UsageError("--jobs is for this machine and --dask for a cluster; give one of them")
+        raise UsageError("--jobs is for this machine and --dask for a cluster; give only one of them")
     if jobs is not None and jobs < 1:
         raise UsageError(f"--jobs must be at least 1, not {jobs}")
     if not timeout > 0:
@@ -81,5 +81,7 @@ def batch(
         )
     print_counts(counts, scan_list.notes, quiet=quiet, verbose=verbose)
     if counts.failed:
-        raise InputError(f"{counts.failed} of {counts.items} scans failed; {counts.summary} says why, the worst first")
+        raise InputError(
+            f"{counts.failed} of {counts.items} scans failed; {counts.summary} lists the reasons, worst first"
+        )
     return not counts.not_settled

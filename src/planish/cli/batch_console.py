@@ -1,4 +1,4 @@
-"""What `planish batch` says while it works and when it is done."""
+"""Console output of `planish batch`: progress and counts."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @contextmanager
 def progress_bar(count: int, *, quiet: bool, verbose: bool) -> Iterator[Callable[[Row, int, int], None]]:
-    """A bar on stderr with rate and time left, when a person is looking; a line an item on stdout, when asked for."""
+    """Progress bar on stderr with rate and remaining time, if it is a terminal; verbose: a line per item on stdout."""
     with Progress(
         TextColumn("{task.description}"),
         BarColumn(),
@@ -47,7 +47,7 @@ def progress_bar(count: int, *, quiet: bool, verbose: bool) -> Iterator[Callable
 
 
 def _rate(done: int, seconds: float, left: int) -> str:
-    """Of this run alone: what an earlier one has done took no time.
+    """Rate and remaining time, from the items processed by this run only.
 
     Examples
     --------
@@ -60,7 +60,7 @@ def _rate(done: int, seconds: float, left: int) -> str:
 
 
 def print_counts(counts: Counts, notes: list[str], *, quiet: bool, verbose: bool) -> None:
-    """Print how it ended, for a person; notes go to stderr."""
+    """Print the number of items by status if stdout is a terminal; notes go to stderr."""
     if quiet:
         return
     errors = Console(stderr=True, highlight=False, soft_wrap=True, markup=False)

@@ -1,4 +1,4 @@
-"""`planish install-completion`: the shell learns planish's commands and flags."""
+"""`planish install-completion`: shell completion of commands and flags."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ def install_completion(
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
     quiet: Quiet = False,
 ) -> None:
-    """Teach bash, zsh or fish to complete planish's commands and flags.
+    """Install completion of planish's commands and flags for bash, zsh or fish.
 
     Parameters
     ----------
     shell
-        Which one. If it is not given: the one in use.
+        The shell; by default the one in use.
     output
-        Write the script to this file and leave the shell's start-up file alone. If it is not given, the script goes
-        where the shell looks for it.
+        Write the script to this file and do not touch the start-up file of the shell. By default the script is
+        installed where the shell finds it.
     quiet
         Print nothing but errors.
     """
@@ -37,23 +37,23 @@ def install_completion(
     try:
         shell = shell or _known(detect_shell())
     except ShellDetectionError:
-        raise UsageError("the shell in use could not be told; name it with --shell bash, zsh or fish") from None
+        raise UsageError("the shell in use was not recognized; name it with --shell bash, zsh or fish") from None
     try:
         if output is None:
             output, use = app.install_completion(shell=shell), "start a new shell to use it."
         else:
-            use = "source it, or put it where the shell looks."
+            use = "source it, or move it to the shell's completion folder."
             write_bytes(output, app.generate_completion(shell=shell).encode())
     except OSError as problem:
         raise OutputError(
             f"{problem.filename or output} cannot be written ({problem.strerror}); name another file with --output"
         ) from None
     if not quiet:
-        print(f"Completion for {shell} is in {output}; {use}")
+        print(f"Completion for {shell} was written to {output}; {use}")
 
 
 def _known(shell: str) -> Literal["bash", "zsh", "fish"]:
-    """The shell, if completion is offered for it."""
+    """Check that completion is available for a shell."""
     from planish.errors import UsageError
 
     if shell not in ("bash", "zsh", "fish"):

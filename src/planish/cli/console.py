@@ -1,4 +1,4 @@
-"""What the commands say while they work and when they are done."""
+"""Console output shared by the commands: progress bar, report table and warnings."""
 
 from __future__ import annotations
 
@@ -14,37 +14,37 @@ from planish.types import Report
 STAGE_LABELS = {
     "read": "Reading",
     "scan": "Scanning the sheet",
-    "laser": "Finding the laser",
-    "acquire": "Making the scan",
+    "laser": "Detecting the laser",
+    "acquire": "Reconstructing the scan",
     "calibrate": "Calibrating",
-    "shape": "Finding the sheet's shape",
-    "clean": "Cleaning the mesh",
+    "shape": "Estimating the sheet's shape",
+    "clean": "Repairing the mesh",
     "flatten": "Flattening",
-    "turn": "Turning the page",
-    "render": "Drawing the page",
-    "split": "Parting the pages",
+    "turn": "Orienting the page",
+    "render": "Rendering the page",
+    "split": "Splitting the pages",
     "unshade": "Removing the shading",
     "binarize": "Binarizing",
     "measure": "Measuring",
-    "text": "Reading the text",
+    "text": "Recognizing text",
     "write": "Writing",
-    "look": "Making a page to look at",
+    "look": "Writing the HTML page",
 }
 
 NOTE_COMPILE_SECONDS = 5.0
-"""Seconds of compiling that are worth a word."""
+"""Seconds of compilation from which on a note is printed."""
 
 
 @contextmanager
 def progress_bar(*, quiet: bool) -> Iterator[Callable[[str, float], None]]:
-    """A bar on stderr that names the stage, when a person is looking; else silence."""
+    """Progress bar on stderr with the name of the stage, if it is a terminal."""
     if quiet or not sys.stderr.isatty():
         yield lambda name, share: None
         return
     from numba.core.event import TimingListener, install_listener
 
     class Compiling(TimingListener):
-        """Told by numba when it compiles a kernel: on the first run, for a minute in all."""
+        """Notified by numba when it compiles a kernel; on the first run this takes about a minute in total."""
 
         def on_start(self, event: object) -> None:
             super().on_start(event)
@@ -65,11 +65,11 @@ def progress_bar(*, quiet: bool) -> Iterator[Callable[[str, float], None]]:
 
         yield progress
     if compiling.done and compiling.duration > NOTE_COMPILE_SECONDS:
-        console.print(f"planish: note: {compiling.duration:.0f} s of this went into compiling, which happens only once")
+        console.print(f"planish: note: compiling took {compiling.duration:.0f} s of this, which happens only once")
 
 
 def print_report(report: Report, written: list[str], *, quiet: bool, verbose: bool) -> None:
-    """Print the short table for a person, and the warnings for everybody."""
+    """Print warnings to stderr, and the report table if stdout is a terminal."""
     from rich.table import Table
 
     from planish.report import summary
@@ -79,7 +79,7 @@ def print_report(report: Report, written: list[str], *, quiet: bool, verbose: bo
         if not quiet:
             errors.print(f"planish: note: {warning}")
     if not report.settled:
-        errors.print(f"planish: {report.outcome} The result was written all the same.")
+        errors.print(f"planish: {report.outcome} The result was written nevertheless.")
     if quiet or not (verbose or sys.stdout.isatty()):
         return
     table = Table(show_header=False, box=None, pad_edge=False)

@@ -1,4 +1,4 @@
-"""`planish demo`: a sheet bent in a known way, scanned virtually, restored, and compared with the truth."""
+"""`planish demo`: restore a virtual scan of a synthetic sheet."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ def demo(
     output: Annotated[Path, Parameter(name=["--output", "-o"])] = Path("planish-demo"),
     quiet: Quiet = False,
 ) -> bool:
-    """Scan a known sheet virtually, restore it, and show how true the page is.
+    """Scan a synthetic sheet virtually, restore it, and show the quality of the page.
 
-    The scan has 300,000 points with 0.05 mm of noise and a 12-megapixel photo; it is written to the folder as well,
-    so that `planish restore` can be tried on it.
+    The scan has 300,000 points with 0.05 mm of noise and a 12-megapixel photo. It is written to the folder as well, as
+    an example for `planish restore`.
 
     Parameters
     ----------
     sheet
-        book: a page of a thick bound book. folded: a letter folded in three. curl: a corner curled past the vertical.
+        book: a page of a thick bound book. folded: a letter folded in three. curl: a corner curled past vertical.
         crumpled: a sheet with random folds.
     output
-        The folder for the scan, the page, the report and the pictures; made if there is none.
+        Folder for the scan, the page, the report and the images; created if it does not exist.
     quiet
         Print nothing but errors.
     """

@@ -1,4 +1,4 @@
-"""`planish flatten`: geometry only, for meshes with or without a photo."""
+"""`planish flatten`: flatten a mesh, with or without a photo."""
 
 from __future__ import annotations
 
@@ -25,30 +25,30 @@ def flatten(
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> bool:
-    """Flatten a mesh: its points in their order, moved to the plane z = 0, in mm.
+    """Flatten a mesh: its points, in their order, mapped to the plane z = 0, in mm.
 
     Parameters
     ----------
     mesh
         OBJ, PLY, GLB or glTF, or a tifxyz folder.
     output
-        The flattened mesh: .obj, .ply or .glb, or a folder for tifxyz (with --as uv). A .ply carries the strain and
-        the expected error of every point.
+        The flattened mesh: .obj, .ply or .glb, or a folder for tifxyz (with --as uv). A .ply includes strain and
+        expected error per point.
     as_
-        points: the points move to the plane. uv: they stay in space, and their place on the page becomes the texture
-        coordinate, in mm.
+        points: 2D positions replace the points. uv: the points stay in space, and their 2D positions become texture
+        coordinates in mm.
     units
-        The unit of the mesh's numbers. auto decides from the file and from its size, and says so.
+        Unit of the mesh's coordinates. auto decides from the file and the size of the mesh, and prints its decision.
     rotate
-        auto: long side upright. A number: clockwise turn from the way round of the scan.
+        auto: portrait format. A number: clockwise rotation in degrees from the orientation of the scan.
     report
         Also write the report as JSON.
     overwrite
-        Whether files in place may be replaced.
+        Whether existing files may be replaced.
     quiet
         Print nothing but errors.
     verbose
-        Print the table even when the output is piped.
+        Print the report table even if the output is piped.
     """
     from dataclasses import replace
     from time import perf_counter

@@ -1,4 +1,4 @@
-"""The `planish` command: its subcommands, and what errors become."""
+"""The `planish` command: subcommands, signals, and exit codes of errors."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ from planish.memory import free_bytes
 
 DID_NOT_SETTLE = 5
 INTERRUPTED, TERMINATED = 130, 143
-"""128 and the number of the signal, as shells have it."""
+"""128 plus the signal number, as in shells."""
 
 SCARCE = 300e6
-"""Bytes; with fewer, libraries fail in ways of their own: they cannot be loaded, or start no thread."""
+"""Bytes of free memory below which libraries fail in various ways, e.g. cannot be loaded or start no thread."""
 
 app.command(install_completion)
 app.command(demo)
@@ -45,32 +45,32 @@ app.command(calibrate.app)
 
 
 def main(arguments: list[str] | None = None) -> NoReturn:
-    """Run the command line and leave with its exit code.
+    """Run the command line and exit with its exit code.
 
-    The work is done by a second thread, so that signals (Ctrl-C, SIGTERM) are heard at once, also in the middle of a
-    long kernel, and never raise an exception inside compiled code, which may not survive it.
+    The command runs in a second thread, so that signals (Ctrl-C, SIGTERM) are handled at once, even during a long
+    kernel, and never raise an exception inside compiled code.
     """
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        if signal.getsignal(number) is not signal.SIG_IGN:  # as it is in the background, or under nohup
+        if signal.getsignal(number) is not signal.SIG_IGN:  # ignored in background jobs and under nohup
             signal.signal(number, _leave)
-    if (sys.argv[1:] if arguments is None else arguments)[:1] == ["serve"]:  # a server hears signals by itself
+    if (sys.argv[1:] if arguments is None else arguments)[:1] == ["serve"]:  # the server handles signals itself
         sys.exit(run(arguments))
     with ThreadPoolExecutor(1) as worker:
         sys.exit(worker.submit(run, arguments).result())
 
 
 def _leave(number: int, frame: FrameType | None) -> NoReturn:
-    """End the process as it is, without waiting for the work, but with the disk and the terminal tidy."""
+    """Exit without waiting for the worker thread, after removing unfinished files and restoring the terminal."""
     from planish.io.files import drop_unfinished
 
     drop_unfinished()
     Console(stderr=True).show_cursor()
     how = "interrupted" if number == signal.SIGINT else f"ended by {signal.Signals(number).name}"
-    os._exit(_fail(128 + number, f"{how}; nothing was half-written"))
+    os._exit(_fail(128 + number, f"{how}; no incomplete files were left"))
 
 
 def run(arguments: list[str] | None = None) -> int:
-    """Run the command line; every failure is one line on stderr and an exit code."""
+    """Run the command line; every error is one line on stderr and an exit code."""
     try:
         settled = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
         sys.stdout.flush()
@@ -80,14 +80,14 @@ def run(arguments: list[str] | None = None) -> int:
     except PlanishError as problem:
         return _fail(problem.exit_code, str(problem))
     except KeyboardInterrupt:
-        return _fail(INTERRUPTED, "interrupted; nothing was half-written")
-    except BrokenPipeError:  # the reader of our output has gone, as `planish ... | head` does
+        return _fail(INTERRUPTED, "interrupted; no incomplete files were left")
+    except BrokenPipeError:  # the reader closed the pipe, as in `planish ... | head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except Exception as problem:
         if not isinstance(problem, MemoryError) and free_bytes() > SCARCE:
             raise
-        return _fail(3, "there is not enough memory for this; give a smaller mesh or photo, or close other programs")
+        return _fail(3, "not enough memory; give a smaller mesh or photo, or close other programs")
 
 
 def _fail(code: int, sentence: str) -> int:

@@ -1,4 +1,4 @@
-"""Options that several commands share, and the check of the files that they name."""
+"""Options shared by several commands, and checks of the files they name."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Verbose = Annotated[bool, Parameter(name=["--verbose", "-v"], negative="")]
 
 
 def check_files(output: Path, picture: Path | None, *, overwrite: bool) -> None:
-    """Refuse before any work a file of any kind, or a picture, that could not be written after it."""
+    """Check before any computation that the output and its picture can be written."""
     from planish.io import check_page_name, check_writable
 
     check_writable(output, overwrite=overwrite)

@@ -1,4 +1,4 @@
-"""`planish photo`: the best page that one photo can give, and what it cannot."""
+"""`planish photo`: restore the page from a photo, without a scan."""
 
 from __future__ import annotations
 
@@ -30,31 +30,31 @@ def photo(
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> bool:
-    """Flatten the page on one photo, without a scan.
+    """Flatten the page in a single photo, without a scan.
 
-    The shape is found from lines of text and from the sheet's borders; what one photo cannot tell is said.
+    The shape is estimated from text lines and the borders of the sheet. Warnings name what one photo cannot determine.
 
     Parameters
     ----------
     photo
         The photo: JPEG, PNG, TIFF, WebP, BMP, JPEG 2000 or PPM.
     output
-        The page to write: .tif, .png, .jpg or .pdf; with its dpi in the file where --width-mm or --paper is given.
+        The page to write: .tif, .png, .jpg or .pdf; with its dpi as metadata if --width-mm or --paper is given.
     rotate
-        auto: as the text reads; where there is none, long side upright and the photo's top on top. A number: clockwise
-        turn from the photo's way round.
+        auto: upright text; without text, portrait format with the photo's top up. A number: clockwise rotation in
+        degrees from the orientation of the photo.
     binary
-        Also write the page in black and white.
+        Also write the binarized page.
     report
         Also write the report as JSON.
     stages
-        Also write pictures of every stage into this folder.
+        Also write images of every stage into this folder.
     overwrite
-        Whether files in place may be replaced.
+        Whether existing files may be replaced.
     quiet
         Print nothing but errors.
     verbose
-        Print the table even when the output is piped.
+        Print the report table even if the output is piped.
     """
     from dataclasses import replace
     from time import perf_counter

@@ -1,4 +1,4 @@
-"""`planish restore`: the whole walk, from a scan's file to the page's."""
+"""`planish restore`: from a scan file to the page."""
 
 from __future__ import annotations
 
@@ -34,43 +34,43 @@ def restore(
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> bool:
-    """Flatten a scan and draw its page at true size.
+    """Flatten a scan and render its page at true size.
 
     Parameters
     ----------
     scan
-        The scan: OBJ, PLY, GLB or glTF, or a tifxyz folder, with its photo as texture or given by --photo.
+        The scan: OBJ, PLY, GLB or glTF, or a tifxyz folder, with a photo as texture or given by --photo.
     output
-        The page to write: .tif, .png, .jpg or .pdf, with its true dpi in the file.
+        The page to write: .tif, .png, .jpg or .pdf, with its dpi as metadata.
     photo
-        The photo, where the scan's file does not name it. Given several times: photos of the same sheet, from which
-        the page takes every place as it is seen best; the colours are the first one's.
+        The photo, if the scan file does not reference it. May be repeated for several photos of the same sheet: each
+        part of the page comes from the photo that shows it best, with colours matched to the first photo.
     camera
-        The camera that took the photo (JSON), where the scan has no texture coordinates. For several photos: one for
-        each, in the same order, or one file that has all of them by name.
+        The camera of the photo (JSON), if the scan has no texture coordinates. For several photos: one per photo, in
+        the same order, or one file with all of them by name.
     units
-        The unit of the scan's numbers. auto decides from the file and from its size, and says so.
+        Unit of the scan's coordinates. auto decides from the file and the size of the scan, and prints its decision.
     mask
-        Also write what is known of the page, as .png or .tif: 255 seen, 128 clipped in the photo, 0 missing.
+        Also write a mask of the page as .png or .tif: 255 valid, 128 clipped in the photo, 0 missing.
     binary
-        Also write the page in black and white.
+        Also write the binarized page.
     flat
-        Also write the flattened mesh: the scan's points in the scan's order, moved to the plane [mm].
+        Also write the flattened mesh: the scan's points, in their order, mapped to the plane [mm].
     report
         Also write the report as JSON.
     stages
-        Also write pictures of every stage into this folder.
+        Also write images of every stage into this folder.
     certificate
-        Also write one sheet that shows how good the page is: .pdf, .png, .tif or .jpg.
+        Also write a one-page quality certificate: .pdf, .png, .tif or .jpg.
     html
-        Also write one HTML file to look at: the scan in 3D as it settles, the page beside the photo, maps of how good
-        it is, and the report in words. `planish view` makes the same of a finished restoration.
+        Also write an interactive HTML file: the scan in 3D as it settles, the page beside the photo, quality maps, and
+        the report. `planish view` makes the same from a finished restoration.
     overwrite
-        Whether files in place may be replaced.
+        Whether existing files may be replaced.
     quiet
         Print nothing but errors.
     verbose
-        Print the table even when the output is piped.
+        Print the report table even if the output is piped.
     """
     from planish.cli.console import print_report, progress_bar
     from planish.job import Job, Outputs, run

@@ -1,4 +1,4 @@
-"""Flags of the whole walk from scan to page, which `planish restore` and `planish batch` share."""
+"""Options of the whole pipeline, shared by `planish restore` and `planish batch`."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Flags = Parameter(name="*")
 
 @dataclass(frozen=True, kw_only=True)
 class RestoreOptions:
-    """How a page is made of a scan.
+    """Options of a restoration.
 
     Attributes
     ----------
@@ -31,17 +31,16 @@ class RestoreOptions:
     shading : ShadingSettings
     binarizing : BinarizeSettings
     rotate : {"auto", "0", "90", "180", "270"}
-        auto: as the text reads; where there is none, long side upright and the photo's top on top. A number: clockwise
-        turn from the photo's way round.
+        auto: upright text; without text, portrait format with the photo's top up. A number: clockwise rotation in
+        degrees from the orientation of the photo.
     pages : {"1", "2", "auto"}
-        2: the sheet is an open book, and is split at its spine into a left and a right page: of one TIFF or PDF, or
-        NAME-1.png and NAME-2.png. auto: only where a spine is plain in the surface and no line of text crosses it.
-        1: the sheet stays whole.
+        2: split an open book at its spine into a left and a right page, in one TIFF or PDF, or as NAME-1.png and
+        NAME-2.png. auto: split only if the surface shows a clear spine and no line of text crosses it. 1: no split.
     pdfa : bool
-        Make PDFs for archives: PDF/A-2b.
+        Write PDFs as PDF/A-2b, for archives.
     ocr : str, optional
-        Lay the text that Tesseract reads under the pages of a PDF, to be searched and copied; its language, as eng
-        or deu+fra. Needs the extra planish[ocr].
+        Add a searchable text layer to PDFs, recognized by Tesseract; the language, such as eng or deu+fra. Needs the
+        extra planish[ocr].
     """
 
     flattening: Annotated[FlattenSettings, Flags] = field(default_factory=FlattenSettings)
@@ -54,7 +53,7 @@ class RestoreOptions:
     ocr: str | None = None
 
     def settings(self) -> RestoreSettings:
-        """Without what is about files."""
+        """Settings of the pipeline, without the options about files."""
         return RestoreSettings(
             flatten=self.flattening,
             render=self.drawing,

@@ -1,4 +1,4 @@
-"""`planish serve`: a page in the browser, and an HTTP API."""
+"""`planish serve`: browser page and HTTP API."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ def serve(
     limits: Annotated[ServeSettings, Parameter(name="*")] = ServeSettings(),
     quiet: Quiet = False,
 ) -> None:
-    """Restore scans that come from a browser or over HTTP, until Ctrl-C. Needs the extra planish[web].
+    """Serve a browser page and an HTTP API that restore uploaded scans, until Ctrl-C. Needs the extra planish[web].
 
     Parameters
     ----------
     host
-        The address to listen at. By default only this machine can reach it.
+        Address to listen on. By default only this machine can reach it.
     port
-        0: any that is free.
+        Port to listen on. 0: any free port.
     public
-        Say that others may reach the service: needed for every address but this machine's own. There is no login and
-        no encryption, so put a server in front that has both (docs/serve.md).
+        Confirm that other machines may reach the service; required for every address but loopback ones. There is
+        neither login nor encryption, so put a reverse proxy with both in front (docs/serve.md).
     allow_host
-        A name under which browsers may ask for the service, as scans.example.org. Given several times: several.
+        Host name under which browsers may access the service, such as scans.example.org. May be repeated.
     data
-        The folder for jobs and results; by default ~/.local/state/planish/serve.
+        Folder for jobs and results; by default ~/.local/state/planish/serve.
     quiet
         Print nothing but errors.
     """
@@ -53,8 +53,8 @@ def serve(
         ) from None
     if not is_loopback(host) and not public:
         raise UsageError(
-            f"at {host} other machines reach the service, without login or encryption; say that this is meant with "
-            "--public, or leave --host away"
+            f"at {host} other machines can reach the service, without login or encryption; confirm with --public, or "
+            "omit --host"
         )
     if not 0 <= port <= 65535:
         raise UsageError(f"port must be between 0 and 65535, not {port}")

@@ -1,4 +1,4 @@
-"""`planish view`: a restoration as a page in the browser."""
+"""`planish view`: interactive HTML page of a restoration."""
 
 from __future__ import annotations
 
@@ -25,29 +25,29 @@ def view(
     overwrite: bool = True,
     quiet: Quiet = False,
 ) -> bool:
-    """Look at a restoration: in 3D, page beside photo, and how good it is.
+    """View a restoration in the browser: the scan in 3D, page and photo side by side, and quality maps.
 
-    One HTML file is made that holds all it shows; it can be opened from disk, sent and printed. The scan is restored
-    once more for it (with the settings in the report, if there is one), as pages do not hold all that is shown.
+    Writes one self-contained HTML file, which can be opened from disk, sent and printed. The scan is restored again
+    for it, with the settings of the report if there is one, because page files do not contain all data that is shown.
 
     Parameters
     ----------
     result
-        A scan; or a finished restoration: its report, or the folder with its report.json, with the scan beside it; or
-        an HTML file that was made before.
+        A scan; or a finished restoration, given as its report or the folder of its report.json, with the scan beside
+        it; or an HTML file that was written before.
     output
-        The HTML file to write. Without it: view.html in the folder of the report, or the scan's name with .html
+        The HTML file to write. Default: view.html in the folder of the report, or the name of the scan with .html
         beside the scan.
     photo
-        The photo, where a scan's file does not name it.
+        The photo, if the scan file does not reference it.
     camera
-        The camera that took it (JSON), where the scan has no texture coordinates.
+        The camera of the photo (JSON), if the scan has no texture coordinates.
     units
-        The unit of a scan's numbers.
+        Unit of the scan's coordinates.
     open_browser
-        Open the file in the browser when it is made. Without either: if there is a screen.
+        Open the file in the browser. By default only if there is a display.
     overwrite
-        Whether a file in place may be replaced.
+        Whether an existing file may be replaced.
     quiet
         Print nothing but errors.
     """

@@ -12,6 +12,6 @@ from planish.cli.acquire.laser_lines import laser_lines
 from planish.cli.acquire.points import points
 from planish.cli.acquire.virtual import virtual
 
-app = App(name="acquire", help="Make a scan from what a device saw; `planish restore` takes it without options.")
+app = App(name="acquire", help="Make a scan from the captures of a device, ready for `planish restore`.")
 for command in (depth, grid, points, gray_code, patterns, laser, laser_lines, virtual):
     app.command(command)

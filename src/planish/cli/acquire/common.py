@@ -1,4 +1,4 @@
-"""What the commands of `planish acquire` share."""
+"""Options and functions shared by the commands of `planish acquire`."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ Mask = Annotated[str, Parameter(name="--mask")]
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class ScanFiles:
-    """What is written of a scan, and how much is said.
+    """Output options of the acquire commands.
 
     Attributes
     ----------
     output : Path
         The scan to write: .ply or .obj with the photo beside it, or .glb.
     picture : Path, optional
-        Also write a picture of the scan: its relief, its photo on it, and the confidence of every point.
+        Also write an image of the scan: shaded relief, texture, and confidence of every point.
     overwrite : bool
-        Whether files in place may be replaced.
+        Whether existing files may be replaced.
     quiet : bool
         Print nothing but errors.
     """
@@ -42,7 +42,7 @@ class ScanFiles:
 
 
 def check_scan_files(files: ScanFiles) -> None:
-    """Refuse before any work a scan, or a picture of it, that could not be written after it."""
+    """Check before any computation that the scan and its picture can be written."""
     from planish.io.scan_write import check_scan_name
 
     check_scan_name(files.output)
@@ -50,7 +50,7 @@ def check_scan_files(files: ScanFiles) -> None:
 
 
 def sheet_mask(mask: str) -> Bools | str | None:
-    """What --mask asks for: "auto", None for everywhere, or the white part of an image."""
+    """Decode --mask: "auto", None for no mask, or the white pixels of an image."""
     if mask in ("auto", "none"):
         return "auto" if mask == "auto" else None
     from planish.io import read_photo
@@ -60,7 +60,7 @@ def sheet_mask(mask: str) -> Bools | str | None:
 
 
 def unit_of_cloud(cloud: FileCloud, units: str) -> tuple[float, list[str]]:
-    """How many mm make a unit of a point cloud's numbers, and what is to be said of the cloud."""
+    """Millimetres per unit of a point cloud, and warnings."""
     from planish.io.units import MM_PER_UNIT, decide_unit
 
     unit, unit_warnings = decide_unit(cloud.points[cloud.points.any(axis=1)], units, cloud.unit)
@@ -70,13 +70,13 @@ def unit_of_cloud(cloud: FileCloud, units: str) -> tuple[float, list[str]]:
 def read_optional_photo(
     photo: Path | None, camera: Path | None, mm_per_unit: float
 ) -> tuple[Pixels | None, Camera | None, list[str]]:
-    """The photo that the user gives beside points, its camera, and what is to be said of it."""
+    """Read the optional photo of a point cloud: pixels, camera, and warnings."""
     from planish.errors import UsageError
     from planish.io import read_camera, read_photo
 
     if photo is None:
         if camera is not None:
-            raise UsageError("--camera tells where a photo was taken from; give that with --photo")
+            raise UsageError("--camera is the camera of a photo; give the photo with --photo")
         return None, None, []
     photo_image = read_photo(photo)
     return (
@@ -87,7 +87,7 @@ def read_optional_photo(
 
 
 def write_acquired(acquired: Acquired, files: ScanFiles) -> list[Path]:
-    """Write the scan and, if it is asked for, the picture to look at."""
+    """Write the scan and, if requested, its picture."""
     import numpy as np
 
     from planish.acquire.picture import picture as scan_picture
@@ -103,7 +103,7 @@ def write_acquired(acquired: Acquired, files: ScanFiles) -> list[Path]:
 
 
 def print_scan_summary(acquired: Acquired, warnings: list[str], written: list[Path], *, quiet: bool) -> None:
-    """Print what was found, for a person; notes go to stderr."""
+    """Print warnings to stderr, and a summary if stdout is a terminal."""
     import sys
 
     from rich.console import Console
@@ -114,7 +114,7 @@ def print_scan_summary(acquired: Acquired, warnings: list[str], written: list[Pa
     if acquired.scan.photo is None:
         warnings = [
             *warnings,
-            "no colours and no photo: `planish flatten` takes the scan, `planish restore` needs --photo",
+            "the scan has neither colours nor a photo: use `planish flatten`, or `planish restore` with --photo",
         ]
     for warning in [*warnings, *acquired.warnings]:
         errors.print(f"planish: note: {warning}")

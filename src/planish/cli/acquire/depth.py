@@ -1,4 +1,4 @@
-"""`planish acquire depth`: depth maps and a photo to a scan."""
+"""`planish acquire depth`: scan from depth maps and a photo."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ def depth(
     camera
         The depth camera (JSON).
     photo_camera
-        The camera that took the photo (JSON), in the same world; lengths in mm. Without it the photo is taken to be
-        registered to the depth maps.
+        The camera of the photo (JSON), in the same world frame; lengths in mm. Without it, the photo must be registered
+        to the depth maps.
     scale
-        How many of the file's numbers make a metre: realsense and kinect 1000, tum 5000. auto: 1000 for whole
-        numbers; floating ones below 20 are metres, others millimetres.
+        Depth units per metre: realsense and kinect 1000, tum 5000. auto: 1000 for integers; floating-point values
+        below 20 are metres, others millimetres.
     mask
-        Where on the photo the sheet is: an image that is white there; auto: bright paper on darker ground; none:
-        everywhere.
+        Region of the sheet in the photo: an image that is white there; auto: bright paper on a darker background; none:
+        the whole photo.
     """
     from planish.acquire.range_image.depth import from_depth
     from planish.cli.console import progress_bar

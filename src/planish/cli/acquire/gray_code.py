@@ -1,4 +1,4 @@
-"""`planish acquire gray-code` and `planish acquire patterns`: a camera and a projector."""
+"""`planish acquire gray-code` and `planish acquire patterns`: scan with a camera and a projector."""
 
 from __future__ import annotations
 
@@ -28,18 +28,18 @@ def gray_code(
     ----------
     photos
         A folder, or the files, in the order of `planish acquire patterns` (OpenCV's): for every bit of the column a
-        pattern and its inverse, then of the row; then the waves, if there are any; white; black.
+        pattern and its inverse, then of the row; then the phase-shift patterns, if any; white; black.
     camera
         The camera (JSON).
     projector
-        The projector (JSON), in the same world; its image_size is that of the patterns.
+        The projector (JSON), in the same world frame; its image_size is that of the patterns.
     projector_scale
-        How many of the pixels that the projector was calibrated with lie along one pixel of the patterns.
+        Projector pixels, as calibrated, per pattern pixel.
     photo
-        A photo by the same camera, to draw on the page. Without it the one under white is taken.
+        A photo by the same camera, for the page. Default: the photo under white light.
     mask
-        Where on the photo the sheet is: an image that is white there; auto: bright paper on darker ground; none:
-        everywhere.
+        Region of the sheet in the photo: an image that is white there; auto: bright paper on a darker background; none:
+        the whole photo.
     """
     from planish.acquire.structured_light.scan import check_size, from_gray_code
     from planish.cli.console import progress_bar
@@ -68,17 +68,18 @@ def patterns(
     output: Output,
     quiet: Quiet = False,
 ) -> None:
-    """Write the Gray code images that a projector has to show, one after the other.
+    """Write the Gray code images for a projector, to be shown one after the other.
 
     Parameters
     ----------
     size
         Width and height of the projector in pixels.
     phase_steps
-        Also waves with a period of 16 pixels, shifted by so many steps, for columns and for rows: twice as many images.
-        3 to 16; 8 stand the brightness curve of any projector. Worth it where the camera blurs the finest stripes.
+        Also write phase-shift patterns with a period of 16 pixels and this number of steps, for columns and for rows:
+        twice as many images. 3 to 16; 8 steps tolerate the gamma curve of any projector. Useful if the camera blurs the
+        finest stripes.
     output
-        The folder for the images; made if there is none.
+        Folder for the images; created if it does not exist.
     quiet
         Print nothing but errors.
     """
@@ -92,10 +93,10 @@ def patterns(
 
     width, height = size
     if not (2 <= width <= 16384 and 2 <= height <= 16384):
-        raise UsageError(f"--size is {width} x {height}; width and height of the projector are wanted, 2 to 16384")
+        raise UsageError(f"--size is {width} x {height}; expected width and height of the projector, 2 to 16384")
     images = list(with_code((height, width), phase_steps))
     make_folder(output)
     for count, image in enumerate(images):
         write_bytes(output / f"pattern_{count:02d}.png", png_bytes(image))
     if not quiet and sys.stdout.isatty():
-        print(f"written  {len(images)} images to {output}; show each at its full size, and take one photo of each")
+        print(f"written  {len(images)} images to {output}; show each at full size, and take one photo of each")

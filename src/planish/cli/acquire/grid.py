@@ -1,4 +1,4 @@
-"""`planish acquire grid`: a range image, points in rows and columns, to a scan."""
+"""`planish acquire grid`: scan from a range image, points in rows and columns."""
 
 from __future__ import annotations
 
@@ -37,23 +37,23 @@ def grid(
     Parameters
     ----------
     file
-        PLY with a range grid, PCD, PTX, E57 with rows and columns, or a text with x y z in each line. What was not
-        seen is 0 0 0 or nan.
+        PLY with a range grid, PCD, PTX, E57 with rows and columns, or a text with x y z in each line. Missing points
+        are 0 0 0 or nan.
     photo
-        A photo to draw on the page: of the range image's size or a multiple of it, or with --camera. Without it the
-        points' own colours are taken.
+        A photo for the page: of the size of the range image or a multiple of it, or with --camera. Default: the colours
+        of the points.
     camera
-        The camera that took the photo (JSON), in the world of the points; lengths in their unit.
+        The camera of the photo (JSON), in the world frame of the points; lengths in their unit.
     size
-        Width and height of the range image, where the file does not tell them and the order of the points does not.
+        Width and height of the range image, if neither the file nor the order of the points determines them.
     units
-        Of the file's numbers; auto: what the file says, else decided from the size.
+        Unit of the file's coordinates. auto: as the file says, otherwise decided from the size.
     seen_from
-        Where the scanner stood, in the file's numbers. Without it: where the file says, or the origin, if it lies in
-        front of the points; else the rows and columns are taken as seen from the printed side.
+        Position of the scanner, in the file's coordinates. Default: as the file says, or the origin, if it lies in
+        front of the points; otherwise rows and columns are taken as seen from the printed side.
     mask
-        Where on the photo the sheet is: an image that is white there; auto: bright paper on darker ground; none:
-        everywhere.
+        Region of the sheet in the photo: an image that is white there; auto: bright paper on a darker background; none:
+        the whole photo.
     """
     import numpy as np
 

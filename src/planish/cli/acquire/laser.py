@@ -1,4 +1,4 @@
-"""`planish acquire laser`: photos of a laser line that sweeps over the sheet become a scan."""
+"""`planish acquire laser`: scan from photos of a laser line that sweeps over the sheet."""
 
 from __future__ import annotations
 
@@ -26,20 +26,21 @@ def laser(
     Parameters
     ----------
     frames
-        The photos with the laser on, or a folder of them, in the order of their names. One at a time is in memory.
+        The photos with the laser on, or a folder of them, in the order of their names. They are read one at a time.
     photo
-        The same view with the laser off; its print is divided out of the others, and it becomes the scan's photo.
+        The same view with the laser off; the others are divided by it to remove the print, and it becomes the scan's
+        photo.
     camera
         The camera (JSON).
     planes
-        The laser's plane in every photo: CSV with the columns a, b, c, d [mm], or JSON with planes, with an axis and
+        The laser plane of every photo: CSV with the columns a, b, c, d [mm], or JSON with planes, with an axis and
         angles, with a direction and positions, or with a background of two known planes (docs/formats.md).
     motion
-        CSV with the columns photo and angle_deg (or position_mm), where --planes has a laser and its axis (or
-        direction) alone, as `planish calibrate laser` finds them.
+        CSV with the columns photo and angle_deg (or position_mm), if --planes has only a laser and its axis (or
+        direction), as written by `planish calibrate laser`.
     mask
-        Where on the photo the sheet is: an image that is white there; auto: bright paper on darker ground; none:
-        everywhere.
+        Region of the sheet in the photo: an image that is white there; auto: bright paper on a darker background; none:
+        the whole photo.
     """
     from planish.acquire.laser.sweep import from_laser, planes_from_background, sweep_stripes
     from planish.cli.console import progress_bar

@@ -1,4 +1,4 @@
-"""`planish acquire laser-lines`: one photo with two laser lines across a book becomes a scan."""
+"""`planish acquire laser-lines`: scan of a book from one photo with two laser lines across it."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ def laser_lines(
     Parameters
     ----------
     lit
-        The photo with the lasers on; the lines run across it, the spine down it.
+        The photo with the lasers on; the lines run horizontally, the spine vertically.
     lasers
-        Where the lasers lie (JSON), from `planish calibrate laser-lines` or `planish calibrate laser`.
+        The laser planes (JSON), from `planish calibrate laser-lines` or `planish calibrate laser`.
     photo
-        The same view with the lasers off, for the page. Without it the lines stay on the page.
+        The same view with the lasers off, for the page. Without it, the lines remain visible on the page.
     camera
-        The camera (JSON). Without it, the one that the lasers' file holds.
+        The camera (JSON). Default: the camera in the lasers' file.
     mask
-        Where on the photo the sheet is: an image that is white there; auto: bright paper on darker ground; none:
-        everywhere, with what lies around the book.
+        Region of the sheet in the photo: an image that is white there; auto: bright paper on a darker background; none:
+        the whole photo, including the surroundings of the book.
     """
     from planish.acquire.laser.lines import from_laser_lines
     from planish.cli.console import progress_bar
@@ -61,7 +61,7 @@ def laser_lines(
 
 
 def camera_of(photo: Path, shape_rc: tuple[int, int]) -> Camera:
-    """The camera that a photo's EXIF tells of: its focal length, the principal point in the middle."""
+    """Camera with the focal length of a photo's EXIF data and the principal point in the centre."""
     import numpy as np
 
     from planish.errors import InputError
@@ -70,7 +70,9 @@ def camera_of(photo: Path, shape_rc: tuple[int, int]) -> Camera:
 
     focal = focal_length_px(photo)
     if focal is None:
-        raise InputError(f"{photo} does not tell the camera's focal length, and no --camera was given; calibrate it")
+        raise InputError(
+            f"{photo} has no focal length in its EXIF data; calibrate the camera and give it with --camera"
+        )
     rows, cols = shape_rc
     matrix = np.array([[focal, 0, (cols - 1) / 2], [0, focal, (rows - 1) / 2], [0, 0, 1]])
     return Camera(matrix, np.eye(3), np.zeros(3), shape_rc)

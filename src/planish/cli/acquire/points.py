@@ -1,4 +1,4 @@
-"""`planish acquire points`: points in any order, as photogrammetry makes them, to a scan."""
+"""`planish acquire points`: scan from an unorganised point cloud, for example from photogrammetry."""
 
 from __future__ import annotations
 
@@ -31,24 +31,24 @@ def points(
     mask: Mask = "auto",
     files: ScanFiles,
 ) -> None:
-    """Make a scan from points in any order, as photogrammetry makes them. Needs the extra `planish[points]`.
+    """Make a scan from an unorganised point cloud, for example from photogrammetry. Needs the extra `planish[points]`.
 
     Parameters
     ----------
     file
         PLY, PCD, E57, LAS, LAZ, or a text with x y z in each line; with colours, or with a photo beside it.
     photo
-        A photo to draw on the page, with --camera. Without it one is made of the points' colours.
+        A photo for the page, with --camera. Default: one rendered from the colours of the points.
     camera
-        The camera that took the photo (JSON), in the world of the points; lengths in their unit.
+        The camera of the photo (JSON), in the world frame of the points; lengths in their unit.
     units
-        Of the file's numbers; auto: what the file says, else decided from the size.
+        Unit of the file's coordinates. auto: as the file says, otherwise decided from the size.
     seen_from
-        Any place from which the printed side was seen, in the file's numbers. Without it: where the file says, else
-        the camera, else the points' normals, else the origin, if it lies in front of the points, else from +z.
+        Any position on the printed side, in the file's coordinates. Default: as the file says, else the camera, else
+        from the normals of the points, else the origin, if it lies in front of the points, else from +z.
     mask
-        Where on the photo the sheet is: an image that is white there; auto: bright paper on darker ground; none:
-        everywhere.
+        Region of the sheet in the photo: an image that is white there; auto: bright paper on a darker background; none:
+        the whole photo.
     """
     import numpy as np
 
@@ -59,7 +59,7 @@ def points(
 
     check_scan_files(files)
     if photo is not None and camera is None:
-        raise UsageError("--photo needs --camera here: nothing else tells where the points lie on it")
+        raise UsageError("--photo needs --camera here, to project the points to it")
     with progress_bar(quiet=files.quiet) as progress:
         progress("read", 0.0)
         cloud = read_cloud(file)

@@ -1,4 +1,4 @@
-"""`planish acquire virtual`: what a device of the gallery would deliver, so that everybody can try."""
+"""`planish acquire virtual`: synthetic captures of virtual devices, as examples."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def virtual(
     phase_steps: int = 0,
     quiet: Quiet = False,
 ) -> None:
-    """Write the images that a device would take of a known sheet, to try the other commands on.
+    """Write the captures of a virtual device of a synthetic sheet, as input for the other commands.
 
     Parameters
     ----------
@@ -34,14 +34,14 @@ def virtual(
         laser-lines: a page under two fixed lines, and squared paper of 8 mm under the same.
         grid: the range image of a scanner of 640 x 480 points. points: a photogrammetry cloud, and a photo.
     output
-        The folder; made if there is none. The true page and cameras are put into it as well.
+        Output folder; created if it does not exist. It also receives the true page and cameras.
     sheet
-        book: a page of a thick bound book. folded: a letter folded in three. curl: a corner curled past the vertical.
+        book: a page of a thick bound book. folded: a letter folded in three. curl: a corner curled past vertical.
         crumpled: a sheet with random folds.
     small
-        With half the pixels each way: a quarter of the time.
+        Half the resolution: a quarter of the time.
     phase_steps
-        Of the waves beside the Gray code, as for `planish acquire patterns`.
+        Phase-shift steps in addition to the Gray code, as for `planish acquire patterns`.
     quiet
         Print nothing but errors.
     """
@@ -58,12 +58,12 @@ def virtual(
         if device == "boards":
             _boards(output, small, phase_steps)
             return
-        known = known_sheet(SHEETS[sheet])
+        shape = known_sheet(SHEETS[sheet])
         if device == "gray-code":
-            page = _gray_code(output, known, small, phase_steps)
+            page = _gray_code(output, shape, small, phase_steps)
         else:
-            capture = {"depth": _depth, "laser": laser, "laser-lines": laser_lines, "grid": grid, "points": points}
-            page = capture[device](output, known, small)
+            writers = {"depth": _depth, "laser": laser, "laser-lines": laser_lines, "grid": grid, "points": points}
+            page = writers[device](output, shape, small)
         write_page(output / "page.png", page)
 
 

@@ -1,4 +1,4 @@
-"""`planish acquire virtual grid` and `points`: the point clouds of virtual scanners and photogrammetry."""
+"""`planish acquire virtual grid` and `points`: point clouds of a virtual scanner and of virtual photogrammetry."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def grid(folder: Path, sheet: Sheet, small: bool) -> Page:
-    """Write range.ply, the range image of the paper's scanner."""
+    """Write range.ply, a range image like that of the paper's scanner."""
     import numpy as np
 
     from planish.gallery.clouds import range_image

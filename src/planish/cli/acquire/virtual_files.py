@@ -1,4 +1,4 @@
-"""Files that the virtual devices have in common."""
+"""File writers shared by the virtual devices."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ if TYPE_CHECKING:
     from planish.types import Camera
 
 BOARD_MM = 18.0
-"""Side of a square of the boards."""
+"""Side of a square of the calibration boards."""
 
 
 def write_images(folder: Path, images: Iterable[NDArray], name: str = "{:03d}.png") -> None:
-    """Write PNG files, numbered from 0, into a folder that is made if there is none."""
+    """Write PNG files, numbered from 0, into a folder that is created if it does not exist."""
     from planish.io import make_folder
     from planish.io.files import write_bytes
     from planish.io.pages import png_bytes

@@ -1,4 +1,4 @@
-"""What a camera beside a laser of the gallery would deliver, photos of boards for its calibration among it."""
+"""Captures of a virtual laser scanner, including photos of boards for its calibration."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ if TYPE_CHECKING:
 SQUARE_MM = 8.0
 
 FEET_MM = -20.0, 50.0, 120.0
-"""Where the laser would fall on the table; boards are held into its light twice each."""
+"""x positions of the laser plane on the table; at each, two boards are held into the light."""
 
 LOWER_MM, ASIDE_MM = 40.0, 55.0
-"""So much lower than before the projector they are held, and at most so far to the side: else the camera loses them."""
+"""Boards are lower than those before the projector and limited in x, so that the camera sees them completely."""
 
 
 def laser(folder: Path, sheet: Sheet, small: bool) -> Page:
-    """Write a sweep, with its angles, and boards with and without the line."""
+    """Write a sweep with its angles, and photos of boards with and without the line."""
     import numpy as np
 
     from planish.gallery.devices import board_poses
@@ -33,24 +33,24 @@ def laser(folder: Path, sheet: Sheet, small: bool) -> Page:
     write_images(folder, [capture.photo], "off.png")
     _write_angles(folder / "frames.csv", turned_deg(capture.planes[:, 0]))
     feet = np.repeat(FEET_MM, 2)
-    known = []
+    boards = []
     for foot, (turn, middle) in zip(feet, board_poses(len(feet)), strict=True):
         middle[2] -= LOWER_MM
-        # so far down the way from the mirror to the table the light is as high as the board
+        # x of the laser plane at the height of the board, between mirror and table
         light = MIRROR_MM[0] + (foot - MIRROR_MM[0]) * (1 - middle[2] / MIRROR_MM[2])
         middle[0] = np.clip(light, -ASIDE_MM, ASIDE_MM)
         board, print_ = _board((turn, middle))
         plane = plane_through(MIRROR_MM, (foot, 0.0, 0.0))[None, None]
-        known.append(lit_sheet(board, plane, printed=(print_, ""), camera=capture.camera, line_mm=line_mm))
-    write_images(folder / "camera", (board.photo for board in known))
-    write_images(folder / "boards", (board.frame(0) for board in known))
-    _write_angles(folder / "boards.csv", turned_deg(np.concatenate([board.planes[:, 0] for board in known])))
+        boards.append(lit_sheet(board, plane, printed=(print_, ""), camera=capture.camera, line_mm=line_mm))
+    write_images(folder / "camera", (board.photo for board in boards))
+    write_images(folder / "boards", (board.frame(0) for board in boards))
+    _write_angles(folder / "boards.csv", turned_deg(np.concatenate([board.planes[:, 0] for board in boards])))
     write_camera(folder / "camera.json", capture.camera)
     return capture.page
 
 
 def laser_lines(folder: Path, sheet: Sheet, small: bool) -> Page:
-    """Write photos of a page and of squared paper under two fixed lines."""
+    """Write photos of a page and of squared paper under two fixed laser lines."""
     from planish.gallery.laser import squared_paper, virtual_lines
 
     photo_px, line_mm = ((900, 700), 0.8) if small else ((2000, 1500), 0.5)
@@ -66,7 +66,7 @@ def laser_lines(folder: Path, sheet: Sheet, small: bool) -> Page:
 
 
 def _board(pose: tuple[Floats, Floats]) -> tuple[Sheet, Page]:
-    """Hold a stiff board of 7 x 9 squares as a pose says."""
+    """A rigid board of 7 x 9 squares in a pose."""
     from planish.acquire.calibration.boards import Board, board_pixels
     from planish.gallery.devices import posed
 

@@ -7,6 +7,6 @@ from cyclopts import App
 from planish.cli.calibrate.board import board, camera, projector
 from planish.cli.calibrate.laser import laser, laser_lines
 
-app = App(name="calibrate", help="Find the numbers of a device from photos of a printed board.")
+app = App(name="calibrate", help="Calibrate a device from photos of a printed board.")
 for command in (board, camera, projector, laser, laser_lines):
     app.command(command)

@@ -20,22 +20,22 @@ def board(
     paper: Literal["a4", "letter"] = "a4",
     overwrite: bool = True,
 ) -> None:
-    """Draw a calibration board, to be printed at 100 % and glued to something flat.
+    """Draw a calibration board, to be printed at 100 % and mounted on a flat surface.
 
     Parameters
     ----------
     output
-        .pdf, or .png or .tif with its true dpi.
+        .pdf, or .png or .tif with its dpi as metadata.
     squares
-        How many across and down.
+        Number of squares horizontally and vertically.
     square_mm
-        Side of a square. Measure the print: that figure is the one to give to the other commands.
+        Side of a square. Measure the print, and give the measured value to the other commands.
     kind
-        charuco: squares with markers, which may be seen in part. chessboard: squares alone.
+        charuco: squares with markers, which may be partly occluded. chessboard: squares only.
     paper
-        What it is printed on.
+        Paper size.
     overwrite
-        Whether a file in place may be replaced.
+        Whether an existing file may be replaced.
     """
     from planish.acquire.calibration.boards import Board, board_page
     from planish.io import check_page_name, check_writable, write_page
@@ -62,20 +62,20 @@ def camera(
     Parameters
     ----------
     photos
-        A folder, or the files: the board tilted by 20 to 40 degrees to all sides, everywhere in the view. Zoom and
-        focus must stay as they are, then and afterwards.
+        A folder, or the files: the board tilted by 20 to 40 degrees in all directions, everywhere in the view. Zoom and
+        focus must not change, neither between the photos nor afterwards.
     output
         The camera (JSON).
     squares
-        Of the board: how many across and down.
+        Number of squares of the board, horizontally and vertically.
     square_mm
         Side of a square as measured on the print.
     kind
-        charuco: squares with markers. chessboard: squares alone.
+        charuco: squares with markers. chessboard: squares only.
     picture
-        Also draw where the corners were seen, and how the board stood.
+        Also draw the detected corners and the poses of the board.
     overwrite
-        Whether files in place may be replaced.
+        Whether existing files may be replaced.
     quiet
         Print nothing but errors.
     """
@@ -114,23 +114,23 @@ def projector(
     ----------
     poses
         Folders, one for each pose of the board: the photos of all patterns, as for `planish acquire gray-code`.
-        Camera and projector must stand still from here on.
+        Camera and projector must not move from here on.
     camera
-        The camera that took them (JSON); its world becomes the projector's.
+        The camera of the photos (JSON); its world frame becomes that of the projector.
     size
         Width and height of the projector's patterns in pixels.
     output
         The projector (JSON).
     squares
-        Of the board: how many across and down.
+        Number of squares of the board, horizontally and vertically.
     square_mm
         Side of a square as measured on the print.
     kind
-        charuco: squares with markers. chessboard: squares alone.
+        charuco: squares with markers. chessboard: squares only.
     picture
-        Also draw where the projector lit the corners, and how the board stood.
+        Also draw the corners in the projector image and the poses of the board.
     overwrite
-        Whether files in place may be replaced.
+        Whether existing files may be replaced.
     quiet
         Print nothing but errors.
     """

@@ -1,4 +1,4 @@
-"""What the commands of `planish calibrate` share."""
+"""Options and functions shared by the commands of `planish calibrate`."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Kind = Annotated[Literal["charuco", "chessboard"], Parameter(name="--kind")]
 def write_calibration(
     calibration: Calibration, board: Board, output: Path, picture: Path | None, *, quiet: bool
 ) -> None:
-    """Write the JSON and the picture; say how good the calibration is."""
+    """Write the JSON and the picture, and print the accuracy of the calibration."""
     import sys
 
     import numpy as np

@@ -1,4 +1,4 @@
-"""`planish calibrate laser` and `laser-lines`: where lasers lie, from photos of a board or of squared paper."""
+"""`planish calibrate laser` and `laser-lines`: laser planes, from photos of a board or of squared paper."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ def laser(
     overwrite: bool = True,
     quiet: Quiet = False,
 ) -> None:
-    """Find the plane of a laser from photos of the board with the line on it, nearer and farther and tilted.
+    """Find the plane of a laser from photos of the board with the line on it, at various distances and tilts.
 
-    With --motion also the axis about which a mirror turns the laser's light.
+    With --motion, also find the axis about which a mirror rotates the laser plane.
 
     Parameters
     ----------
@@ -40,18 +40,18 @@ def laser(
     output
         The JSON to write: “lasers”, their planes [mm], and the camera.
     squares
-        How many across and down.
+        Number of squares horizontally and vertically.
     square_mm
         Side of a square, as measured on the print.
     kind
-        charuco: squares with markers, which may be seen in part. chessboard: squares alone.
+        charuco: squares with markers, which may be partly occluded. chessboard: squares only.
     lines
-        Laser lines in each photo.
+        Number of laser lines in each photo.
     motion
-        CSV with the columns photo and angle_deg: how far the light was turned in each photo. At the smallest and the
-        largest angle two photos or more are needed.
+        CSV with the columns photo and angle_deg: rotation of the laser plane in each photo. Two photos or more are
+        needed at the smallest and at the largest angle.
     overwrite
-        Whether files in place may be replaced.
+        Whether existing files may be replaced.
     quiet
         Print nothing but errors.
     """
@@ -76,12 +76,12 @@ def laser(
     else:
         moved, angles = read_motion(motion, names)
         if moved != "angles_deg" or lines != 1:
-            raise UsageError("the axis is found for one laser line and from angles: --lines 1, and a column angle_deg")
+            raise UsageError("the axis needs one laser line and angles: --lines 1, and a column angle_deg")
         axis = axis_of_boards(pixels, names, camera_model, target, angles)
         write_rig(output, axis.plane[None], camera_model, axis=(axis.point, axis.direction))
         points, off = axis.points, f"{axis.rms_mm:.3f}"
     if not quiet:
-        print(f"{points:,} points on {len(paths)} boards, {off} mm rms off the laser's plane")
+        print(f"{points:,} points on {len(paths)} boards, {off} mm rms from the laser plane")
         print(f"written  {output}")
 
 
@@ -101,18 +101,18 @@ def laser_lines(
     Parameters
     ----------
     lit
-        The photo with the lasers on; the lines run across it.
+        The photo with the lasers on; the lines run horizontally.
     photo
         The same view with the lasers off.
     camera
-        The camera (JSON). Without it the focal length is read from the photo's EXIF. Where no distortion of the lens is
-        given, it and the principal point are found as well.
+        The camera (JSON). Without it, the focal length is read from the photo's EXIF data. If no lens distortion is
+        given, it is estimated together with the principal point.
     square_mm
-        Side of a square [mm]. Without it squares of 5 mm are assumed: pages come out in shape, but not at true size.
+        Side of a square [mm]. Without it, squares of 5 mm are assumed: pages have the right shape, but not true size.
     output
         The JSON to write: “lasers”, their planes [mm], and the camera.
     overwrite
-        Whether files in place may be replaced.
+        Whether existing files may be replaced.
     quiet
         Print nothing but errors.
     """
@@ -130,13 +130,10 @@ def laser_lines(
     rig = rig_of_squares(on, off, camera_model, side, lens=not camera_model.distortion.any())
     note = None
     if square_mm is None:
-        note = (
-            f"the size of the squares was not given, and {side:g} mm assumed: the true size of pages is not known "
-            "(--square-mm)"
-        )
+        note = f"the squares are assumed to be {side:g} mm, so that pages are not at true size (--square-mm)"
     write_rig(output, rig.planes, rig.camera, note)
     if not quiet:
         if note:
             print(f"planish: note: {note}", file=sys.stderr)
-        print(f"{rig.corners:,} corners of squares, {rig.rms_squares:.3f} squares rms off their lattice")
+        print(f"{rig.corners:,} corners of squares, {rig.rms_squares:.3f} squares rms from their grid")
         print(f"written  {output}")
