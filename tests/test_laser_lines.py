@@ -267,7 +267,7 @@ def test_commands_from_squared_paper_to_scan(book, paper, tmp_path, capsys):
     command = ["calibrate", "laser-lines", at["on"], "--photo", at["off"], "-o", rig]
     assert run([*command, "--camera", str(tmp_path / "camera.json")]) == 0
     said = capsys.readouterr()
-    assert "5 mm assumed: the true size of pages is not known" in said.err
+    assert "assumed to be 5 mm, so that pages are not at true size" in said.err
     assert "squares rms from their grid" in said.out
     planes, _, notes = read_rig(rig)
     assert planes.shape == (2, 4)

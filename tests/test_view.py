@@ -266,7 +266,7 @@ def test_it_says_how_the_fall_ended(done, outcome):
     said = {end: animation_caption(done, replace(fall, outcome=end)) for end in Outcome}
     assert len(set(said.values())) == len(Outcome)
     assert f"{len(mesh.points)} points of the sheet" in said[outcome]
-    assert "laid flat by multigrid" in said[outcome]
+    assert "flattened by multigrid" in said[outcome]
 
 
 def test_watching_changes_nothing():
