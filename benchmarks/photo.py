@@ -46,7 +46,7 @@ from truth import character_error, read_text
 
 SHEETS = ("flat", "book", "letter", "wave", "curl")
 METHODS = ("auto", "text-lines", "shading", "polynomial")
-WARNINGS = {"folded or crumpled": "folds or crumples", "more than one direction": "bent in more than one direction"}
+WARNINGS = {"sheet-folded": "folds or crumples", "sides-bent": "bent in more than one direction"}
 
 
 def planish(photo: Path, folder: Path, *options: str) -> tuple[Path, float, dict]:
@@ -162,8 +162,8 @@ def invoices(photos: Path, peers: dict[str, str], folder: Path) -> None:
                 table[kind, name].append((word_error(page, true), *likeness(page, flat)))
                 if page.parent == folder:
                     page.unlink(missing_ok=True)
-            warnings = " ".join(report.get("warnings", ["no page"]))
-            said[kind].append(next((short for words, short in WARNINGS.items() if words in warnings), "neither"))
+            codes = report.get("warning_codes", [])
+            said[kind].append(next((short for code, short in WARNINGS.items() if code in codes), "neither"))
             print(f"{flat.parent.name} {photo.stem}: {table[kind, 'planish'][-1]}, {said[kind][-1]}", file=sys.stderr)
     print("| kind | method | photos | letters misread | MS-SSIM | local distortion, % |\n|---|---|---|---|---|---|")
     for (kind, name), figures in table.items():
@@ -203,7 +203,7 @@ def _one_shape(made: VirtualScan, method: str) -> str:
         found = find_shape(made.scan.photo, PhotoSettings(shape=method), focal_px=float(made.scan.camera.matrix[0, 0]))
     except InputError:
         return "refused"
-    warned = any(words in warning for warning in found.warnings for words in WARNINGS)
+    warned = any(warning.code in WARNINGS for warning in found.warnings)
     return f"{mm_off(made, found.scan):.2f}{', warned' if warned else ''}"
 
 

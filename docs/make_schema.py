@@ -18,6 +18,9 @@ def text() -> str:
     """The schema as it should be."""
     made = TypeAdapter(types.Report).json_schema(mode="serialization")
     definitions = made.pop("$defs")
+    del definitions["Diagnostic"]  # `Report.to_dict` writes sentences and codes
+    for name in ("warnings", "warning_codes"):
+        made["properties"][name] = {"type": "array", "items": {"type": "string"}}
     for name, definition in [("Report", made), *definitions.items()]:
         definition["required"] = list(definition["properties"])  # a written report has every key
         _describe(definition, getattr(types, name, None) or getattr(settings, name))

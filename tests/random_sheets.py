@@ -68,8 +68,8 @@ def check(seed: int) -> str:
     lengths = distances(prepared.scan.mesh.points, topo.edges)
     with_area = relative_heights(lengths, topo.face_edges) >= LEAST_HEIGHT
     flips = int((ab[:, 0] * ac[:, 1] - ab[:, 1] * ac[:, 0] >= 0)[with_area].sum())
-    shared = any("touch in a point" in warning for warning in done.report.warnings)
+    shared = any("touch in a point" in warning.sentence for warning in done.report.warnings)
     assert said.flipped_faces == flips or shared, seed
     for count, word in ((said.flipped_faces, "back up"), (said.overlaps, "over other parts")):
-        assert not count or any(word in warning for warning in done.report.warnings), seed
+        assert not count or any(word in warning.sentence for warning in done.report.warnings), seed
     return flat.outcome.name

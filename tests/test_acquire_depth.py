@@ -125,7 +125,7 @@ def test_a_mask_by_hand_cuts_the_sheet_out():
     scan = from_depth([np.full(SHAPE, 300.0)], CAMERA, PHOTO, mask=mask).scan
     assert len(scan.mesh.points) == mask.sum()
     said = from_depth([np.full(SHAPE, 300.0)], CAMERA, PHOTO).warnings
-    assert "no sheet stands out" in said[0]
+    assert "no sheet stands out" in said[0].sentence
 
 
 def test_the_picture_shows_the_scan(book):

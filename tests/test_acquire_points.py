@@ -109,7 +109,7 @@ def test_the_printed_side_is_the_one_that_was_seen(hint):
 def test_a_side_that_nothing_tells_is_taken_and_said():
     points, _ = cylinder(count=5000)
     made = from_points(points - [0, 0, 150])  # the origin lies among them
-    assert "towards +z" in made.warnings[0]
+    assert "towards +z" in made.warnings[0].sentence
 
 
 def test_the_photo_is_made_of_the_points_colours():

@@ -47,7 +47,11 @@ def restored(real, monkeypatch):
         if text.startswith("bad"):
             raise InputError(f"{make_job.scan} is bad")
         done, out = real
-        report = replace(done.report, settled=not text.startswith("arched"), warnings=["odd"] * text.startswith("odd"))
+        report = replace(
+            done.report,
+            settled=not text.startswith("arched"),
+            warnings=[Diagnostic("odd", "odd")] * text.startswith("odd"),
+        )
         shutil.copy(out / "page.tif", make_job.outputs.page)
         write_json(make_job.outputs.report, report)
         return JobResult(report, [make_job.outputs.page, make_job.outputs.report])

@@ -98,7 +98,7 @@ def test_a_photo_that_does_not_fit_is_left_out_and_said():
     corners[3] = corners[3] + np.random.default_rng(0).normal(0, 6, corners[3].shape)
     found, kept = _calibrated(places, corners, CAMERA.shape_rc, [])
     assert kept == [0, 1, 2, 4, 5, 6, 7]
-    assert "1 photos do not fit" in found.warnings[0]
+    assert "1 photos do not fit" in found.warnings[0].sentence
 
 
 def test_poses_that_are_too_alike_are_refused():

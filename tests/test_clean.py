@@ -37,7 +37,7 @@ def test_a_hole_is_counted():
     c = repair(scan_of(points, faces[~gone]))
     assert c.holes == 1
     assert c.mesh_rows[3 * 6 + 3] == -1
-    assert any("1 points belong to no face" in w for w in c.warnings)
+    assert any("1 points belong to no face" in w.sentence for w in c.warnings)
 
 
 def test_points_that_are_not_finite_are_left_out_with_their_faces():
@@ -47,7 +47,7 @@ def test_points_that_are_not_finite_are_left_out_with_their_faces():
     c = repair(scan_of(points, faces))
     assert c.mesh_rows[7] == c.mesh_rows[20] == -1
     assert np.isfinite(c.scan.mesh.points).all()
-    assert c.warnings[0].startswith("2 points are not finite numbers")
+    assert c.warnings[0].sentence.startswith("2 points are not finite numbers")
 
 
 def test_faces_used_twice_or_with_a_point_twice_are_left_out():
@@ -63,7 +63,7 @@ def test_a_small_flap_at_an_edge_with_three_faces_is_left_out():
     points = np.r_[points, points[[200]] + [0, 0, 1]]
     c = repair(scan_of(points, np.r_[faces, [[faces[300][0], faces[300][1], len(points) - 1]]]))
     assert len(c.scan.mesh.faces) == len(faces)
-    assert "flap" in c.warnings[0]
+    assert "flap" in c.warnings[0].sentence
 
 
 def test_a_book_with_three_leaves_at_one_spine_is_refused():
@@ -83,7 +83,7 @@ def test_faces_that_run_the_wrong_way_are_turned():
     faces[5:9] = faces[5:9, ::-1]
     c = repair(scan_of(points, faces))
     assert looks_consistent(c.scan.mesh.faces, len(points))
-    assert "4 faces ran the other way round" in c.warnings[0]
+    assert "4 faces ran the other way round" in c.warnings[0].sentence
     assert (
         np.cross(
             *(c.scan.mesh.points[c.scan.mesh.faces[:, k]] - c.scan.mesh.points[c.scan.mesh.faces[:, 0]] for k in (1, 2))
@@ -101,7 +101,7 @@ def test_the_photo_tells_which_side_is_printed(per_corner):
     backwards = faces[:, ::-1]
     wrong = repair(scan_of(points, backwards, photo_xy=photo_xy[:, ::-1] if per_corner else photo_xy))
     assert right.warnings == ()
-    assert "clockwise seen from the side of the photo" in wrong.warnings[0]
+    assert "clockwise seen from the side of the photo" in wrong.warnings[0].sentence
     up = [
         np.cross(*(m.points[m.faces[:, k]] - m.points[m.faces[:, 0]] for k in (1, 2)))[:, 2] > 0
         for m in (right.scan.mesh, wrong.scan.mesh)
@@ -123,7 +123,7 @@ def test_a_seam_is_welded_and_keeps_both_photo_places():
     assert len(c.scan.mesh.points) == len(points)
     assert c.scan.photo_xy.shape == (len(faces), 3, 2)
     assert {tuple(p) for p in c.scan.photo_xy.reshape(-1, 2)} <= {tuple(p) for p in photo_xy}
-    assert "welded" in c.warnings[0]
+    assert "welded" in c.warnings[0].sentence
 
 
 def test_a_triangle_soup_becomes_one_sheet():
@@ -149,10 +149,10 @@ def test_dust_is_left_out_and_a_second_sheet_is_kept():
     speck = np.array([[900.0, 0, 0], [901, 0, 0], [900, 1, 0]])
     c = repair(scan_of(np.r_[points, speck], np.r_[faces, [len(points) + np.arange(3)]]))
     assert c.pieces == 1
-    assert "1 small loose pieces" in c.warnings[0]
+    assert "1 small loose pieces" in c.warnings[0].sentence
     c = repair(scan_of(np.r_[points, points + [400, 0, 0]], np.r_[faces, faces + len(points)]))
     assert c.pieces == 2
-    assert "in 2 pieces" in c.warnings[0]
+    assert "in 2 pieces" in c.warnings[0].sentence
 
 
 def test_the_topology_is_that_of_the_cleaned_mesh_however_points_were_renumbered():

@@ -73,7 +73,7 @@ def test_a_ply_of_blender_names_no_photo():
 def test_millimetres_that_a_glb_calls_metres_are_taken_for_millimetres(size):
     found = read_scan(HERE / "blender-mm.glb")
     assert found.unit == "mm"
-    assert "metres, but no sheet is 342 m" in found.warnings[0]
+    assert "metres, but no sheet is 342 m" in found.warnings[0].sentence
     assert sorted(flatten(found.scan.mesh).size_mm) == pytest.approx(sorted(size), abs=0.005)
 
 
@@ -97,4 +97,4 @@ class TestUnitsBeyondReason:
     def test_a_long_scroll_is_doubted_but_read(self):
         unit, warnings = decide_unit(self.SHEET / 10, "m", None)
         assert unit == "m"
-        assert "is the unit right?" in warnings[0]
+        assert "when its numbers are taken as" in warnings[0].sentence

@@ -112,7 +112,7 @@ def test_a_projector_calibrated_at_another_scale_is_refused_with_the_factor(rig,
     xy = np.trunc(xy)
     code = project(projector, seen)
     assert check_fit(camera, projector, xy, code) < 0.01
-    with pytest.raises(InputError, match=f"say --projector-scale {factor:g}"):
+    with pytest.raises(InputError, match=f"give projector_scale={factor:g}"):
         check_fit(camera, wrong, xy, code)
     assert check_fit(camera, coarser(wrong, factor), xy, code) < 0.01
 
@@ -244,7 +244,7 @@ class TestRealCapture:
     """A chessboard of 75 mm squares at 3.2 m, and a projector calibrated at twice the resolution of its code."""
 
     def test_the_factor_is_named(self, real):
-        with pytest.raises(InputError, match=r"say --projector-scale 2$"):
+        with pytest.raises(InputError, match=r"give projector_scale=2 if"):
             from_gray_code(*real, mask=None)
 
     def test_the_board_is_flat(self, real):

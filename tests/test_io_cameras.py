@@ -72,7 +72,7 @@ def test_one_of_several_matrices_is_chosen_by_the_photo(tmp_path):
     told = {"P": {"a.jpg": one.tolist(), "b.jpg": two.tolist()}, "image_size": [640, 480]}
     assert camera(tmp_path, told, "b.jpg").translation[2] == pytest.approx(200)
     for name in ("c.jpg", None):
-        with pytest.raises(InputError, match=r"for a\.jpg, b\.jpg; give one of these with --photo"):
+        with pytest.raises(InputError, match=r"for a\.jpg, b\.jpg; give one of these with photo"):
             camera(tmp_path, told, name)
     del told["P"]["a.jpg"]
     assert camera(tmp_path, told, "c.jpg").translation[2] == pytest.approx(200)  # there is only one

@@ -56,7 +56,7 @@ def test_all_kinds_give_the_same_millimetres(files, name, scale, count):
 
 
 def test_what_was_guessed_is_said(files):
-    assert "taken as metres" in read_depths([files / "metres.tif"])[1][0]
+    assert "taken as metres" in read_depths([files / "metres.tif"])[1][0].sentence
     assert read_depths([files / "realsense.png"])[1] == []
 
 

@@ -96,7 +96,7 @@ def test_check_writable_refuses_before_long_work(tmp_path, monkeypatch):
     ]:
         with pytest.raises(OutputError, match=sentence):
             check_writable(path)
-    with pytest.raises(OutputError, match="--overwrite"):
+    with pytest.raises(OutputError, match="allow overwriting with overwrite"):
         check_writable(tmp_path / "file", overwrite=False)
     monkeypatch.setattr(os, "access", lambda path, mode: False)  # root may write everywhere
     with pytest.raises(OutputError, match="not permitted"):

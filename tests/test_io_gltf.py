@@ -100,7 +100,7 @@ def test_files_beside_the_document(tmp_path):
     with pytest.raises(InputError, match=r"the sheet\.bin, which does not exist"):
         read(tree, tmp_path / "sheet.gltf")
     (tmp_path / "the sheet.bin").write_bytes(blob)
-    assert "photo 1.png, which does not exist" in read(tree, tmp_path / "sheet.gltf").warnings[0]
+    assert "photo 1.png, which does not exist" in read(tree, tmp_path / "sheet.gltf").warnings[0].sentence
     (tmp_path / "photo 1.png").write_bytes(b"1")
     mesh = read(tree, tmp_path / "sheet.gltf")
     assert mesh.texture == tmp_path / "photo 1.png"
@@ -165,7 +165,7 @@ def test_the_image_that_most_faces_show_is_used():
     mesh = read(tree)
     assert mesh.texture == png_bytes(picture())
     assert (mesh.polygons.uv_corners >= 0).tolist() == [False] * 3 + [True] * 6
-    assert "1 faces on others" in mesh.warnings[0]
+    assert "1 faces on others" in mesh.warnings[0].sentence
 
 
 def changed(*path_and_value):

@@ -93,14 +93,14 @@ def test_transparency_is_dropped_and_said():
     see_through[0, :3, 3] = 0
     photo = decode_photo("photo.png", encoded(see_through, "PNG"))
     np.testing.assert_array_equal(photo.pixels, COLOUR)
-    assert "3 transparent pixels" in photo.warnings[0]
+    assert "3 transparent pixels" in photo.warnings[0].sentence
 
 
 def test_printing_colours_become_screen_colours():
     cmyk = Image.fromarray(COLOUR).convert("CMYK")
     for kind in ("JPEG", "TIFF"):
         photo = decode_photo("photo", encoded(cmyk, kind, **({"quality": 98} if kind == "JPEG" else {})))
-        assert "CMYK" in photo.warnings[0]
+        assert "CMYK" in photo.warnings[0].sentence
         assert np.abs(photo.pixels.astype(int) - COLOUR).mean() < 4  # plain conversion and back, and JPEG
 
 
@@ -109,7 +109,7 @@ def test_a_grey_profile_does_not_fit_colours():
     grey[16:20] = b"GRAY"
     photo = decode_photo("photo.png", encoded(GREY, "PNG", icc_profile=bytes(grey)))
     assert photo.icc is None
-    assert "colour profile for GRAY" in photo.warnings[0]
+    assert "colour profile for GRAY" in photo.warnings[0].sentence
 
 
 def as_stored(orientation):
@@ -156,7 +156,7 @@ def test_photos_are_turned_only_when_asked(kind, orientation):
 def test_of_several_pages_the_first_is_read():
     photo = decode_photo("photo.tif", encoded(COLOUR, "TIFF", save_all=True, append_images=[Image.fromarray(GREY)]))
     np.testing.assert_array_equal(photo.pixels, COLOUR)
-    assert "holds 2 pages" in photo.warnings[0]
+    assert "holds 2 pages" in photo.warnings[0].sentence
 
 
 def png_that_claims(width, height):

@@ -42,7 +42,7 @@ def test_files_outside_of_the_folder_are_read_only_where_that_is_allowed(tmp_pat
     assert read_scan(path, inside=tmp_path).scan.photo is not None
     found = read_scan(path, inside=tmp_path / "upload")
     assert found.scan.photo is None
-    assert "does not exist" in found.warnings[0]
+    assert "does not exist" in found.warnings[0].sentence
 
 
 def test_buffers_of_a_gltf_outside_of_the_folder(tmp_path):

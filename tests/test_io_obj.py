@@ -110,7 +110,7 @@ def test_a_file_cut_at_a_line_end_is_suspected():
     text, _ = obj_text(sheet_scan(30, 20))
     lines = text.splitlines(keepends=True)
     mesh = read("".join(lines[: -3 * 2 * 29 * 19 // 4]))
-    assert any("was the file cut short?" in warning for warning in mesh.warnings)
+    assert any("was the file cut short?" in warning.sentence for warning in mesh.warnings)
 
 
 def test_the_image_that_most_faces_show_is_used(tmp_path):
@@ -122,16 +122,16 @@ def test_the_image_that_most_faces_show_is_used(tmp_path):
     assert mesh.texture == tmp_path / "two.png"
     assert mesh.polygons.uv_corners.reshape(-1, 3)[:, 0].tolist() == [-1, 0, 0, -1]
     assert len(mesh.warnings) == 1
-    assert "1 faces on others" in mesh.warnings[0]
+    assert "1 faces on others" in mesh.warnings[0].sentence
 
 
 def test_missing_material_and_image_are_said_and_the_geometry_is_read(tmp_path):
     text = "mtllib sheet.mtl\nusemtl a\n" + SQUARE + "vt 0 0\nf 1/1 2/1 3/1\nf 1/1 3/1 4/1\n"
     mesh = read(text, tmp_path / "sheet.obj")
-    assert "sheet.mtl, which does not exist" in mesh.warnings[0]
+    assert "sheet.mtl, which does not exist" in mesh.warnings[0].sentence
     (tmp_path / "sheet.mtl").write_text("newmtl a\nmap_Kd photo.jpg\n")
     mesh = read(text, tmp_path / "sheet.obj")
-    assert "photo.jpg, which does not exist" in mesh.warnings[0]
+    assert "photo.jpg, which does not exist" in mesh.warnings[0].sentence
     assert mesh.texture is None
     assert len(mesh.points) == 4
 

@@ -91,7 +91,7 @@ def test_texture_of_face_corners_and_two_images(tmp_path, kind):
     assert mesh.texture == tmp_path / "b.png"
     uv = np.vstack([mesh.polygons.uv, [np.nan, np.nan]])[mesh.polygons.uv_corners].reshape(4, 6)
     np.testing.assert_array_equal(uv, [[0, 0, 1, 0, 1, 1], [0, 0, 1, 1, 0, 1], [np.nan] * 6, [np.nan] * 6])
-    assert "1 faces on others" in mesh.warnings[0]
+    assert "1 faces on others" in mesh.warnings[0].sentence
 
 
 def test_a_missing_image_is_said():
@@ -100,7 +100,7 @@ def test_a_missing_image_is_said():
         "face": (LIST, [[[0, 1, 2]]]),
     }
     mesh = read(ply("ascii", elements, ["TextureFile gone.png"]))
-    assert "gone.png, which does not exist" in mesh.warnings[0]
+    assert "gone.png, which does not exist" in mesh.warnings[0].sentence
 
 
 @pytest.mark.parametrize("encoding", ["ascii", "binary"])

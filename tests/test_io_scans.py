@@ -60,7 +60,7 @@ def test_texture_outside_the_photo_is_said(tmp_path):
     places = scan.photo_xy.copy()
     places[:5, 0] -= 20
     found = read_scan(write_obj_by_hand(tmp_path, Scan(scan.mesh, scan.photo, places)))
-    assert "face corners have texture coordinates outside 0 to 1" in found.warnings[0]
+    assert "face corners have texture coordinates outside 0 to 1" in found.warnings[0].sentence
     np.testing.assert_allclose(found.scan.photo_xy, places, atol=1e-6)
 
 
@@ -73,7 +73,7 @@ def test_without_its_texture_the_geometry_is_read_all_the_same(tmp_path, make):
     found = read_scan(path)
     assert found.scan.photo is None
     assert found.scan.photo_xy is None
-    assert "photo.png" in found.warnings[0]
+    assert "photo.png" in found.warnings[0].sentence
     assert len(found.scan.mesh.points) == 35
 
 
@@ -102,7 +102,7 @@ def bare_sheet(folder, scan):
 def test_a_photo_without_texture_coordinates_needs_a_camera(tmp_path):
     scan = sheet_scan(camera=camera_above())
     path = bare_sheet(tmp_path, scan)
-    with pytest.raises(InputError, match="give --camera"):
+    with pytest.raises(InputError, match="give camera"):
         read_scan(path, photo=tmp_path / "photo.jpg")
     found = read_scan(path, photo=tmp_path / "photo.jpg", camera=tmp_path / "full_camera.json")
     assert found.scan.photo_xy is None
@@ -156,7 +156,9 @@ def test_units(tmp_path, unit, factor):
         found = read_scan(tmp_path / "sheet.obj", units=asked)
         assert found.unit == unit
         np.testing.assert_allclose(found.scan.mesh.points, scan.mesh.points, atol=1e-6 * factor)
-    assert any("the file names no unit" in w for w in read_scan(tmp_path / "sheet.obj").warnings) == (unit != "mm")
+    assert any("the file names no unit" in w.sentence for w in read_scan(tmp_path / "sheet.obj").warnings) == (
+        unit != "mm"
+    )
 
 
 @pytest.mark.parametrize("scale", [0.01, 10.0])
@@ -164,7 +166,10 @@ def test_a_page_of_two_metres_or_two_millimetres_is_doubted(tmp_path, scale):
     scan = sheet_scan()
     text, _ = obj_text(Scan(Mesh(scan.mesh.points * scale, scan.mesh.faces), scan.photo, scan.photo_xy))
     (tmp_path / "sheet.obj").write_text(text)
-    assert any("is the unit right?" in warning for warning in read_scan(tmp_path / "sheet.obj", units="mm").warnings)
+    assert any(
+        "when its numbers are taken as" in warning.sentence
+        for warning in read_scan(tmp_path / "sheet.obj", units="mm").warnings
+    )
     with pytest.raises(UsageError, match="must be one of"):
         read_scan(tmp_path / "sheet.obj", units="ft")
 
@@ -227,7 +232,11 @@ def test_a_scan_comes_back(tmp_path, suffix, kind):
     camera = tmp_path / "sheet_camera.json" if scan.camera else None
     found = read_scan(files[0], camera=camera)
     outside = suffix == ".glb" and kind == "corners"  # where GLB puts corners that have no place
-    assert [w for w in found.warnings if "outside 0 to 1" in w] == found.warnings[: int(outside)] == found.warnings
+    assert (
+        [w for w in found.warnings if w.code == "texture-outside-photo"]
+        == found.warnings[: int(outside)]
+        == found.warnings
+    )
     again = found.scan
     points, faces = again.mesh.points, again.mesh.faces
     exact = {".obj": 5e-7, ".ply": 0, ".glb": 2e-5}[suffix]  # 6 digits; doubles; float32 of 0.28 m
@@ -363,7 +372,7 @@ def test_names_of_flat_meshes():
         check_flat_name(name, "uv")
     check_flat_name("segment", "uv")
     check_flat_name("segment.tifxyz", "uv")
-    with pytest.raises(OutputError, match="--as uv"):
+    with pytest.raises(OutputError, match="set as_=uv"):
         check_flat_name("segment")
     with pytest.raises(OutputError, match=r"\.stl is none of them"):
         check_flat_name("flat.stl")
@@ -431,7 +440,7 @@ def test_a_further_photo_with_another_colour_profile(tmp_path):
     profile = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
     Image.fromarray(picture()).save(photos[1], icc_profile=profile)
     (said,) = read_scan(sheet, photo=photos, camera=tmp_path / "both.json").warnings
-    assert "b.png has another colour profile than the first photo" in said
+    assert "b.png has another colour profile than the first photo" in said.sentence.sentence.sentence.sentence
 
 
 # Real captures

@@ -58,7 +58,7 @@ def test_a_mask_of_another_size_is_left_out_and_said(tmp_path):
     tifffile.imwrite(folder / "mask.tif", np.zeros((5, 5), np.uint8))
     mesh = read_tifxyz(folder)
     assert len(mesh.points) == 20
-    assert "mask.tif is no whole multiple" in mesh.warnings[0]
+    assert "mask.tif is no whole multiple" in mesh.warnings[0].sentence
 
 
 def test_what_is_no_segment_is_refused(tmp_path):

@@ -66,7 +66,7 @@ def test_a_book_page_comes_out_of_two_lines(book):
 def test_without_a_laser_off_photo_the_lines_are_told_by_their_colour(book):
     made, lit = book
     acquired = from_laser_lines(lit, None, made.camera, made.planes[0], mask=None)
-    assert "the laser lines stay on the page" in acquired.warnings[0]
+    assert "the laser lines stay on the page" in acquired.warnings[0].sentence
     both = np.isfinite(two_lines(lit)[:, 0]) & np.isfinite(two_lines(lit, made.photo)[:, 0])
     assert both.mean() > 0.7
     assert np.median(np.abs(two_lines(lit)[both] - two_lines(lit, made.photo)[both])) < 0.1

@@ -225,7 +225,7 @@ class TestFlatten:
             mesh, _ = sheet_mesh(sheet(name), 4000, layout="grid")
             settings = FlattenSettings(method="mass-spring", points=200)
             done = flatten(mesh, topology(mesh.faces, len(mesh.points)), settings)
-            assert any("faces the table" in warning for warning in done.warnings) == said, name
+            assert any("faces the table" in warning.sentence for warning in done.warnings) == said, name
             assert np.isfinite(done.page_xy).all()
 
     def test_a_book_page_is_nearly_as_true_as_the_papers_method_makes_it(self):

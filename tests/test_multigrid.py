@@ -213,7 +213,7 @@ def test_pieces_on_both_sides_of_a_gap_come_back_beside_each_other(name, at, wid
 
     mesh, found, sticks, truth = known(name, 12_000, error=0.0, outline=beside_the_gap)
     done = relax(mesh, found, sticks)
-    assert "side by side" in done.warnings[0]
+    assert "side by side" in done.warnings[0].sentence
     # Bending in the gap is not seen: on the roll the 4 mm are an arc of 13 to 27 mm radius between two tangents.
     assert rigid_rms(done.xy, truth) < 0.15
     assert overlaps(mesh.faces, done.xy, found) == 0
@@ -234,7 +234,7 @@ def test_pieces_far_from_each_other_are_laid_apart_and_that_is_said():
     mesh = Mesh(np.concatenate([one, one + [400, 30, 0]]), np.concatenate([faces, faces + len(uv)]))
     found = topology(mesh.faces, len(mesh.points))
     done = relax(mesh, found, make_sticks(mesh, found, "unfolded"))
-    assert "lie apart" in done.warnings[0]
+    assert "lie apart" in done.warnings[0].sentence
     assert overlaps(mesh.faces, done.xy, found) == 0
     # Eleven chords of the arc; both halves alike.
     assert rigid_rms(done.xy[: len(uv)], done.xy[len(uv) :]) < 1e-6
@@ -246,7 +246,7 @@ def test_layers_over_each_other_are_not_taken_for_neighbours():
     mesh = Mesh(np.concatenate([flat, flat + [0, 0, 3]]), np.concatenate([faces, faces + len(uv)]))
     found = topology(mesh.faces, len(mesh.points))
     done = relax(mesh, found, make_sticks(mesh, found, "unfolded"))
-    assert "lie apart" in done.warnings[0]
+    assert "lie apart" in done.warnings[0].sentence
     assert overlaps(mesh.faces, done.xy, found) == 0
 
 
@@ -274,7 +274,7 @@ class TestWhatCannotLieFlat:
         done = relax(mesh, found, make_sticks(mesh, found, "unfolded"))
         assert np.isfinite(done.xy).all()
         assert done.outcome is not Outcome.SETTLED
-        assert "printed side up" in done.warnings[-1]
+        assert "printed side up" in done.warnings[-1].sentence
 
     def test_running_out_of_steps_is_said(self):
         mesh, found, sticks, _ = known("miura", 1000)
@@ -393,7 +393,7 @@ def test_random_small_sheets_end_finite_in_time_and_without_a_silent_flip():
         lengths = distances(mesh.points, found.edges)
         with_area = relative_heights(lengths, found.face_edges) >= LEAST_HEIGHT
         flips = np.count_nonzero(signed_areas(done.xy, mesh.faces)[with_area] <= 0)
-        assert any(f"{flips:,} face" in warning for warning in done.warnings) == (flips > 0), seed
+        assert any(f"{flips:,} face" in warning.sentence for warning in done.warnings) == (flips > 0), seed
         ends.append(done.outcome)
     assert len(ends) > 80
 

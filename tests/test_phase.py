@@ -82,7 +82,7 @@ def test_the_finest_stripes_are_not_needed(shown):
     assert (decode(blurred, SHAPE).column == -1).all()
     found = phased(blurred, waves, SHAPE).place
     np.testing.assert_allclose(found[..., 0], np.tile(np.arange(70), (40, 1)), atol=LEVELS)
-    with pytest.raises(InputError, match=r"two pixels of the projector wide, must be seen.*--phase-steps 8"):
+    with pytest.raises(InputError, match=r"two pixels of the projector wide, must be seen.*phase_steps=8"):
         located(blurred, SHAPE)
 
 

@@ -129,7 +129,7 @@ def test_every_point_of_the_file_gets_a_finite_place(book):
     flat = planish.flatten(points, book.scan.mesh.faces)
     assert flat.page_xy.shape == (len(points), 2)
     assert np.isfinite(flat.page_xy).all()
-    assert any("belong to no face" in w for w in flat.warnings)
+    assert any("belong to no face" in w.sentence for w in flat.warnings)
 
 
 def test_progress_names_every_stage(book):

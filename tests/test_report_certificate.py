@@ -15,6 +15,7 @@ from planish.report.drawing import GOLD, Sheet, fitted, length, rgb_uint8, wrapp
 from planish.report.fadgi import RESOLUTION_PPI, SCALE_PERCENT, stars
 from planish.report.heat import coloured, over_page
 from planish.settings import RenderSettings, RestoreSettings, ShadingSettings
+from planish.types import Diagnostic
 from shapes import grid
 
 AT_100_DPI = RestoreSettings(render=RenderSettings(dpi=100.0))
@@ -47,7 +48,7 @@ def test_a_certificate_is_a_sheet_of_a4(restored):
 def test_what_it_says_follows_the_report(restored):
     _, done = restored
     one = certificate(done)
-    noted = replace(done, report=replace(done.report, warnings=["the lamp was broken " * 60] * 3))
+    noted = replace(done, report=replace(done.report, warnings=[Diagnostic("broken", "the lamp was broken " * 60)] * 3))
     two = certificate(noted)
     changed = np.nonzero((one != two).any(axis=(1, 2)))[0]
     assert changed.min() > HEIGHT / 2  # the notes stand at the foot

@@ -11,7 +11,7 @@ from planish.gallery import sheet, virtual_scan
 from planish.io import write_json
 from planish.pipeline import restore
 from planish.settings import RestoreSettings
-from planish.types import PhotoReport, Scan
+from planish.types import Diagnostic, PhotoReport, Scan
 
 SCHEMA = json.loads((Path(__file__).parent.parent / "docs" / "report.schema.json").read_text())
 
@@ -71,3 +71,11 @@ def test_a_word_for_a_number_is_found(report, written):
     wrong["page"]["width_mm"] = "216 mm"
     with pytest.raises(jsonschema.ValidationError, match="is not of type 'number', 'null'"):
         check(wrong)
+
+
+def test_warnings_are_sentences_with_their_codes_beside_them(report, written):
+    unsure = Diagnostic("unit-guessed", "the numbers were taken as mm", "set {units} if that is wrong")
+    told = written(replace(report, warnings=[unsure]))
+    check(told)
+    assert told["warnings"] == ["the numbers were taken as mm; set units if that is wrong"]
+    assert told["warning_codes"] == ["unit-guessed"]

@@ -166,7 +166,7 @@ def test_clipped_pixels_are_marked_and_not_believed(sheet, shape):
     assert 0.1 < full.mean() < 0.9
     assert (made.clipped == full).all()
     assert made.fit.clipped_share == pytest.approx(full.mean())
-    assert "clipped in the photo" in made.fit.warnings[0]
+    assert "clipped in the photo" in made.fit.warnings[0].sentence
     assert remove_shading(photographed(paper), *sheet).fit.warnings == ()
     assert np.linalg.norm(np.array(made.fit.lamp_mm) - LAMP) < 60  # found from half the page
 
@@ -329,7 +329,7 @@ def test_a_page_without_quiet_paper_falls_back_and_says_so(sheet, shape):
     made = remove_shading(photographed(noise), *sheet)
     assert made.fit.method == "background"
     assert made.fit.lamp_mm is None
-    assert "too little blank paper" in made.fit.warnings[0]
+    assert "too little blank paper" in made.fit.warnings[0].sentence
 
 
 @pytest.mark.parametrize("method", ["geometry", "background"])

@@ -103,7 +103,7 @@ class TestNotebook:
         picture = Image.open(BytesIO(b64decode(html.split("base64,")[1].split('"')[0])))
         assert max(picture.size) == 640
         assert f"{done.report.page.width_mm:.1f} x {done.report.page.height_mm:.1f} mm" in html
-        for sentence in (done.report.outcome, *done.report.warnings):
+        for sentence in (done.report.outcome, *map(str, done.report.warnings)):
             assert sentence in html
         assert len(html) < 200_000  # a notebook keeps it
 

@@ -168,7 +168,7 @@ def test_a_spread_comes_out_as_two_pages(spread):
     assert [part.width_mm for part in parts] == pytest.approx([148, 148], abs=1)  # a mesh of 1.7 mm cuts a millimetre
     # off the valley, on whichever side its points happen to be farther from it
     assert parts[1].left_mm == done.report.spine.x_mm
-    assert not any("split" in warning or "spine" in warning for warning in done.report.warnings)
+    assert not any("split" in warning.sentence or "spine" in warning.sentence for warning in done.report.warnings)
     sides = split_pages(done.rendered, done.report.spine)
     wide = [side.known.shape[1] for side in sides]
     assert wide == pytest.approx([part.width_mm / 25.4 * 100 for part in parts], abs=1)  # whole pixels
@@ -192,4 +192,4 @@ def test_a_letter_is_not_split_and_that_is_said():
     made = virtual_scan(sheet("letter"), points=4000, photo_px=(1000, 750))
     done = restored(made.scan, pages="auto")
     assert len(done.report.pages) == 1
-    assert any("stays one page" in warning for warning in done.report.warnings)
+    assert any("stays one page" in warning.sentence for warning in done.report.warnings)

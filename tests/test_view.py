@@ -22,7 +22,7 @@ from planish.gallery import sheet, sheet_mesh, virtual_scan
 from planish.mesh import Coarse, area_vectors, onto_support_plane, prolongate, topology
 from planish.settings import RestoreSettings
 from planish.sticks import make_sticks
-from planish.types import Mesh, Outcome, Page, Scan
+from planish.types import Diagnostic, Mesh, Outcome, Page, Scan
 from planish.view import view_page
 from planish.view.fall_animation import select_keyframes, simulate_fall
 from planish.view.page_layers import MAX_BYTES, page_pictures
@@ -214,7 +214,9 @@ def test_a_texture_in_patches_is_no_photo(scan):
 
 
 def test_hostile_words_stay_words(scan, done):
-    loaded = replace(done, report=replace(done.report, warnings=[HOSTILE], sources={HOSTILE: HOSTILE}))
+    loaded = replace(
+        done, report=replace(done.report, warnings=[Diagnostic("hostile", HOSTILE)], sources={HOSTILE: HOSTILE})
+    )
     found = Document(view_page(loaded, HOSTILE))
     plain = Document(view_page(done, "x"))
     assert found.text.count(HOSTILE) == 5  # title, heading, warning, and both halves of the source

@@ -1,41 +1,71 @@
-"""Everything that can go wrong for a user, as one tree; each class carries its exit code.
+"""Errors for users, as one tree; each class carries the exit code of the command line.
 
-| class             | exit code | meaning                                                   |
-|-------------------|-----------|-----------------------------------------------------------|
-| `UsageError`      | 2         | the command line contradicts itself                       |
-| `InputError`      | 3         | the input cannot be used                                  |
-| `OutputError`     | 4         | the output cannot be written                              |
-| `MissingExtraError` | 6       | an optional part of planish is not installed              |
+| class               | also         | exit code | meaning                                              |
+|---------------------|--------------|-----------|------------------------------------------------------|
+| `UsageError`        | `ValueError` | 2         | arguments or settings contradict each other          |
+| `InputError`        | `ValueError` | 3         | the input cannot be used                             |
+| `OutputError`       | `OSError`    | 4         | the output cannot be written                         |
+| `MissingExtraError` |              | 6         | an optional dependency is not installed              |
 
-A message names the thing, what was found, what was wanted and what to do, in one line.
+A message says in one line what was found, what was wanted and what to do. What to do is the `hint`: it names settings
+in braces (see `planish.hints`), which `str` shows as parameters of Python and each front end in its own terms.
 """
+
+from __future__ import annotations
+
+from planish.hints import Naming, as_parameter, with_hint
 
 
 class PlanishError(Exception):
-    """Whatever planish itself refuses; catch this to catch them all."""
+    """Base class of all errors that planish raises on purpose.
+
+    Parameters
+    ----------
+    sentence : str
+        What was found and what was wanted.
+    hint : str, optional
+        What to do, with settings in braces.
+
+    Examples
+    --------
+    >>> problem = InputError("the page needs 80 GB of memory", "lower {dpi}")
+    >>> str(problem), isinstance(problem, ValueError)
+    ('the page needs 80 GB of memory; lower dpi', True)
+    """
 
     exit_code = 1
 
+    def __init__(self, sentence: str = "", hint: str = "") -> None:
+        super().__init__(sentence)
+        self.sentence, self.hint = sentence, hint
 
-class UsageError(PlanishError):
-    """The command line or the arguments contradict each other."""
+    def __str__(self) -> str:
+        return self.message()
+
+    def message(self, naming: Naming = as_parameter) -> str:
+        """Sentence and hint, with settings named by `naming`."""
+        return with_hint(self.sentence, self.hint, naming)
+
+
+class UsageError(PlanishError, ValueError):
+    """Arguments, settings or flags contradict each other."""
 
     exit_code = 2
 
 
-class InputError(PlanishError):
-    """The input cannot be used: missing, broken, or not a scan of a sheet."""
+class InputError(PlanishError, ValueError):
+    """The input cannot be used: missing, damaged, or not a scan of a sheet."""
 
     exit_code = 3
 
 
-class OutputError(PlanishError):
-    """The output cannot be written: no folder, no permission, no room."""
+class OutputError(PlanishError, OSError):
+    """The output cannot be written: no folder, no permission, no space."""
 
     exit_code = 4
 
 
 class MissingExtraError(PlanishError):
-    """An optional part of planish is needed and not installed."""
+    """An optional dependency is needed and not installed."""
 
     exit_code = 6

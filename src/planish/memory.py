@@ -6,8 +6,10 @@ without a message.
 
 from __future__ import annotations
 
+import errno
 import os
 import resource
+import sys
 from pathlib import Path
 
 from planish.errors import InputError
@@ -20,7 +22,7 @@ _VERSION_2 = ("memory.max", "memory.current", "inactive_file")
 _VERSION_1 = ("memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file")
 
 
-def check_memory(need: float, what: str, advice: str) -> None:
+def check_memory(need: float, what: str, hint: str) -> None:
     """Refuse work that needs more memory than is free.
 
     Parameters
@@ -29,8 +31,8 @@ def check_memory(need: float, what: str, advice: str) -> None:
         Bytes, beside what the process has already.
     what : str
         The work, as the subject of a sentence.
-    advice : str
-        What the user can do.
+    hint : str
+        What the user can do, with settings in braces.
 
     Raises
     ------
@@ -38,14 +40,22 @@ def check_memory(need: float, what: str, advice: str) -> None:
 
     Examples
     --------
-    >>> check_memory(1e15, "a page of 1 x 1 km", "lower --dpi")
+    >>> check_memory(1e15, "a page of 1 x 1 km", "lower {dpi}")
     Traceback (most recent call last):
         ...
-    planish.errors.InputError: a page of 1 x 1 km needs about 1000000.0 GB of memory, and ... are free; lower --dpi
+    planish.errors.InputError: a page of 1 x 1 km needs about 1000000.0 GB of memory, and ... are free; lower dpi
     """
     free = free_bytes()
     if need > free:
-        raise InputError(f"{what} needs about {_readable(need)} of memory, and {_readable(free)} are free; {advice}")
+        raise InputError(f"{what} needs about {_readable(need)} of memory, and {_readable(free)} are free", hint)
+
+
+def is_out_of_memory(problem: BaseException) -> bool:
+    """Whether an exception says that memory was asked for and not given: by Python, numpy, the system or OpenCV."""
+    if isinstance(problem, MemoryError) or (isinstance(problem, OSError) and problem.errno == errno.ENOMEM):
+        return True
+    cv2 = sys.modules.get("cv2")
+    return cv2 is not None and isinstance(problem, cv2.error) and problem.code == cv2.Error.StsNoMem
 
 
 def _readable(count: float) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 
 from planish.errors import InputError
 from planish.mesh import grid_faces, without_small_components
-from planish.types import Bools, Camera, Floats, Mesh, Scan, freeze
+from planish.types import Bools, Camera, Diagnostic, Floats, Mesh, Scan, freeze
 
 STEEPEST = 8.0
 """Neighbouring pixels whose depths differ by more than so many pixel widths (83 degrees) are not joined: neither
@@ -29,13 +29,13 @@ class Acquired:
         Of every point of the scan, from 0 to 1.
     noise_mm : float
         Typical standard deviation of the points along the rays of the camera.
-    warnings : tuple of str
+    warnings : tuple of Diagnostic
     """
 
     scan: Scan
     confidence: Floats
     noise_mm: float
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Diagnostic, ...] = ()
 
     def __post_init__(self) -> None:
         freeze(self)

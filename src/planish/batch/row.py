@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass, field
 from math import isfinite
 from typing import Any, Literal
 
+from planish.hints import as_flag
 from planish.types import Report
 
 Status = Literal["failed", "not settled", "warnings", "good"]
@@ -74,7 +75,7 @@ def row_from_report(
         name=name,
         status="not settled" if not report.settled else "warnings" if report.warnings else "good",
         sentence=report.outcome,
-        warnings=report.warnings,
+        warnings=[warning.message(as_flag) for warning in report.warnings],
         expected_error_mm=flat.expected_error_mm,
         strain_rms=flat.strain_rms,
         flipped_faces=flat.flipped_faces,

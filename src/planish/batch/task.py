@@ -17,6 +17,7 @@ from planish.batch.output_dir import write_record
 from planish.batch.preview import write_preview
 from planish.batch.row import Row, row_from_report
 from planish.errors import OutputError, PlanishError
+from planish.hints import as_flag
 from planish.job import run
 from planish.job.worker import Limits, WorkerDiedError, run_in_subprocess
 from planish.pipeline import Progress
@@ -71,11 +72,11 @@ def run_task(task: Task, stop: threading.Event | None = None) -> TaskResult:
             return run_in_subprocess(restore_item, task, limits=task.limits, stop=stop)
         except BatchAbortError:
             raise
-        except OSError as problem:  # out of processes or file descriptors
-            raise BatchAbortError(f"{task.item.name} could not be started: {problem.strerror or problem}") from problem
-        except PlanishError as problem:
+        except PlanishError as problem:  # before OSError, which an OutputError is too
             if not (tries_left and isinstance(problem, WorkerDiedError)):
                 return _failed_result(task, problem)
+        except OSError as problem:  # out of processes or file descriptors
+            raise BatchAbortError(f"{task.item.name} could not be started: {problem.strerror or problem}") from problem
     raise AssertionError("the second try returns or raises")
 
 
@@ -98,7 +99,7 @@ def restore_item(task: Task, progress: Progress) -> TaskResult:
         write_preview(folder / "preview.jpg", page)
     except OutputError as problem:
         if isinstance(problem.__cause__, OSError):
-            raise BatchAbortError(str(problem)) from problem
+            raise BatchAbortError(problem.sentence, problem.hint) from problem
         raise
     own_usage, child_usage = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
     row = row_from_report(
@@ -114,7 +115,8 @@ def restore_item(task: Task, progress: Progress) -> TaskResult:
 
 def _failed_result(task: Task, problem: PlanishError) -> TaskResult:
     inputs = find_inputs(task.item)
-    row = Row(name=task.item.name, status="failed", sentence=str(problem), again=isinstance(problem, WorkerDiedError))
+    again = isinstance(problem, WorkerDiedError)
+    row = Row(name=task.item.name, status="failed", sentence=problem.message(as_flag), again=again)
     return _record_result(task, inputs, row, _new_folder(task))
 
 
@@ -123,7 +125,7 @@ def _record_result(task: Task, inputs: Inputs, row: Row, folder: Path) -> TaskRe
     try:
         write_record(folder, entry)
     except OutputError as problem:
-        raise BatchAbortError(str(problem)) from problem
+        raise BatchAbortError(problem.sentence, problem.hint) from problem
     return TaskResult(entry, folder)
 
 

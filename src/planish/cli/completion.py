@@ -44,6 +44,8 @@ def install_completion(
         else:
             use = "source it, or move it to the shell's completion folder."
             write_bytes(output, app.generate_completion(shell=shell).encode())
+    except OutputError:
+        raise
     except OSError as problem:
         raise OutputError(
             f"{problem.filename or output} cannot be written ({problem.strerror}); name another file with --output"

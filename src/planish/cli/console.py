@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
+from planish.hints import as_flag
 from planish.types import Report
 
 STAGE_LABELS = {
@@ -77,7 +78,7 @@ def print_report(report: Report, written: list[str], *, quiet: bool, verbose: bo
     errors = Console(stderr=True, highlight=False, soft_wrap=True, markup=False)
     for warning in report.warnings:
         if not quiet:
-            errors.print(f"planish: note: {warning}")
+            errors.print(f"planish: note: {warning.message(as_flag)}")
     if not report.settled:
         errors.print(f"planish: {report.outcome} The result was written nevertheless.")
     if quiet or not (verbose or sys.stdout.isatty()):

@@ -23,6 +23,7 @@ from planish.cli.restore import restore
 from planish.cli.serve import serve
 from planish.cli.view import view
 from planish.errors import PlanishError, UsageError
+from planish.hints import as_flag
 from planish.memory import free_bytes
 
 DID_NOT_SETTLE = 5
@@ -78,7 +79,7 @@ def run(arguments: list[str] | None = None) -> int:
     except CycloptsError as problem:
         return _fail(UsageError.exit_code, str(problem))
     except PlanishError as problem:
-        return _fail(problem.exit_code, str(problem))
+        return _fail(problem.exit_code, problem.message(as_flag))
     except KeyboardInterrupt:
         return _fail(INTERRUPTED, "interrupted; no incomplete files were left")
     except BrokenPipeError:  # the reader closed the pipe, as in `planish ... | head`

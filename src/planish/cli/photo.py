@@ -80,7 +80,9 @@ def photo(
     for path in (output, *([binary] if binary is not None else [])):
         check_page_name(path)
     if binary is not None and binarizing.binarize == "none":
-        raise UsageError("--binary is for a page in black and white, and --binarize none makes none; name a method")
+        raise UsageError(
+            "a page in black and white is to be written, and binarization is none", "name a method with {binarize}"
+        )
     outputs = [path for path in (output, binary, report) if path is not None]
     for path in outputs:
         check_writable(path, overwrite=overwrite)

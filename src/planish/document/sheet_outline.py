@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from planish.color import to_uint8
 from planish.errors import InputError
-from planish.types import Bools, Pixels
+from planish.types import Bools, Diagnostic, Pixels
 
 WORKING_PX = 800
 """Long side of the small picture on which the sheet is sought."""
@@ -23,7 +23,7 @@ AREA_SHARE = (0.02, 0.97)
 """Of the photo, that a sheet may fill; one that fills more shows no ground around it."""
 
 
-def sheet_mask(photo: Pixels, mask: Bools | str | None) -> tuple[Bools | None, list[str]]:
+def sheet_mask(photo: Pixels, mask: Bools | str | None) -> tuple[Bools | None, list[Diagnostic]]:
     """The mask of the sheet that a user asked for, and warnings.
 
     Parameters
@@ -41,8 +41,8 @@ def sheet_mask(photo: Pixels, mask: Bools | str | None) -> tuple[Bools | None, l
         return None, []
     if isinstance(mask, str):
         detected = find_sheet(photo)
-        warning = "no sheet stands out from its ground on the photo, so all that was seen was kept"
-        return detected, [warning] if detected is None else []
+        sentence = "no sheet stands out from its ground on the photo, so all that was seen was kept"
+        return detected, [Diagnostic("sheet-not-found", sentence)] if detected is None else []
     if mask.shape != photo.shape[:2]:
         raise InputError(
             f"the mask is {mask.shape[1]} x {mask.shape[0]} pixels, the photo {photo.shape[1]} x {photo.shape[0]}; "

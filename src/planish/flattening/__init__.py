@@ -28,7 +28,7 @@ from planish.mesh import (
 )
 from planish.settings import FlattenSettings
 from planish.sticks import make_sticks, strain
-from planish.types import Flattening, Floats, Mesh, Outcome, Sticks
+from planish.types import Diagnostic, Flattening, Floats, Mesh, Outcome, Sticks
 
 __all__ = ["direction_of_growth", "drop", "flatten", "place_on_page", "relax", "settle", "to_page_frame", "turned"]
 
@@ -49,7 +49,7 @@ class Solved(NamedTuple):
     residuals: Floats
     heights: Floats
     passed_points: int
-    warnings: tuple[str, ...]
+    warnings: tuple[Diagnostic, ...]
     at_rest: Floats | None = None
 
 
@@ -153,9 +153,11 @@ def _by_verlet(
     standing = Mesh(onto_support_plane(mesh)[0], mesh.faces)
     done = settle(standing, sticks, settings.verlet, progress)
     passed = int(done.passed.sum())
-    through = (
+    through = Diagnostic(
+        "layers-passed",
         f"{passed:,} points went through another layer of the sheet while it fell, so the page may be folded over "
-        "itself; --verlet.self-collision keeps layers apart"
+        "itself",
+        "set {verlet.self_collision} to keep layers apart",
     )
     return Solved(
         done.points[:, :2],
@@ -171,9 +173,11 @@ def _by_verlet(
 def _by_mass_spring(lattice: Lattice, springs: Sticks, settings: FlattenSettings, progress: Progress | None) -> Solved:
     mesh = lattice.coarse.mesh
     done = drop(Mesh(onto_support_plane(mesh)[0], mesh.faces), springs, settings.mass_spring, progress)
-    hidden = (
+    hidden = Diagnostic(
+        "overhang-hidden",
         f"{lattice.overhang:.1%} of the sheet faces the table: the regular mesh of mass-spring, laid over it from "
-        "above, does not show that nor what lies below, so the page is wrong there; the other methods flatten it"
+        "above, does not show that nor what lies below, so the page is wrong there",
+        "take another {method}",
     )
     warnings = (hidden,) if lattice.overhang > OVERHANG else ()
     return Solved(done.points[:, :2], done.outcome, len(done.residuals), done.residuals, done.heights, 0, warnings)

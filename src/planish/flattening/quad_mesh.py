@@ -87,8 +87,8 @@ def lay_lattice(mesh: Mesh, count: int) -> Lattice:
     at, w = (values[::SUBSTEPS, ::SUBSTEPS].reshape(-1, depth)[crossings] for values, depth in ((face, 1), (share, 3)))
     if not len(crossings):
         raise InputError(
-            f"a mesh of {count} nodes finds no hold on this sheet: all parts of it are narrower than the cells; ask "
-            "for more --points, or take another --method"
+            f"a mesh of {count} nodes finds no hold on this sheet: all parts of it are narrower than the cells",
+            "ask for more {points}, or take another {method}",
         )
     faces = corners.reshape(-1, 3).astype(np.int32)
     nodes = Mesh(np.einsum("nk,nkd->nd", w, mesh.points[mesh.faces[at[:, 0]]]), faces)

@@ -18,7 +18,7 @@ from planish.flattening.untangle import untangle
 from planish.mesh import Topology
 from planish.parallel import ParallelFor, thread_pool
 from planish.settings import MultigridSettings
-from planish.types import Floats, Ints, Mesh, Outcome, Sticks
+from planish.types import Diagnostic, Floats, Ints, Mesh, Outcome, Sticks
 
 CRUSHED = 0.05
 """Rms relative error of the sticks from which on a sheet is not what was scanned any more."""
@@ -42,8 +42,7 @@ class Relaxed(NamedTuple):
     iterations : int
     residuals : (iterations + 1,) float64
         Root mean square relative error of the sticks, at the start and after each step.
-    warnings : tuple of str
-        Sentences for the user.
+    warnings : tuple of Diagnostic
     at_rest : (n, 2) float64 [mm]
         As `xy`, but as the sticks left it, before faces that noise turned over were laid with their printed side up.
     """
@@ -52,7 +51,7 @@ class Relaxed(NamedTuple):
     outcome: Outcome
     iterations: int
     residuals: Floats
-    warnings: tuple[str, ...]
+    warnings: tuple[Diagnostic, ...]
     at_rest: Floats
 
 
@@ -110,13 +109,13 @@ def relax(
             xy, sticks, s, side, parallel_for, lambda share: tell(0.3 + 0.65 * share)
         )
     xy = as_seen(mesh.points, mesh.faces, xy, piece, count)
-    warnings: list[str] = []
+    warnings: list[Diagnostic] = []
     if count > 1:
         xy, warnings = _place(mesh, topology, xy, piece, count, edge, side)
     at_rest = xy
     xy, flipped = untangle(xy, mesh.faces, topology, rest)  # last, as even a turn can flip a face without area
     if flipped:
-        warnings.append(_FLIPPED.format(flipped))
+        warnings.append(Diagnostic("faces-not-laid", _FLIPPED.format(flipped)))
     if outcome is Outcome.SETTLED and residuals[-1] > CRUSHED:
         outcome = Outcome.CRUSHED
     tell(1.0)
@@ -127,7 +126,7 @@ _FLIPPED = (
     "{:,} faces could not be laid on the page with their printed side up; the surface there is no flat sheet bent"
 )
 _JOINED = (
-    "The sheet is in {:,} pieces; {:,} of them were set side by side across gaps about {:.1f} mm wide, by the "
+    "the sheet is in {:,} pieces; {:,} of them were set side by side across gaps about {:.1f} mm wide, by the "
     "directions of the borders"
 )
 _APART = "{:,} pieces of the sheet lie apart on the page, as nothing shows plainly where they belong"
@@ -157,7 +156,7 @@ def _bring_to_rest(
 
 def _place(
     mesh: Mesh, topology: Topology, xy: Floats, piece: Ints, count: int, edge: float, side: float
-) -> tuple[Floats, list[str]]:
+) -> tuple[Floats, list[Diagnostic]]:
     """Pieces beside each other where their gaps are plain, the others apart; and what to tell about it."""
     apart = lay_apart(xy, piece, count, APART * side)
     together, group, joints = bring_together(mesh.points, mesh.faces, topology, xy, piece, count, edge)
@@ -168,7 +167,7 @@ def _place(
     warnings = []
     if joints:
         width = float(np.median([joint.width for joint in joints]))
-        warnings.append(_JOINED.format(count, len(joints) + 1, width))
+        warnings.append(Diagnostic("pieces-aligned", _JOINED.format(count, len(joints) + 1, width)))
     if groups > 1:
-        warnings.append(_APART.format(groups - 1))
+        warnings.append(Diagnostic("pieces-apart", _APART.format(groups - 1)))
     return together, warnings

@@ -19,7 +19,7 @@ from planish.illumination.refine_on_paper import nearby_range, refine_illuminati
 from planish.illumination.shadow_visibility import shadow_visibility
 from planish.illumination.surface_at_pixels import Surface, coarse_mesh, surface_at_pixels
 from planish.settings import ShadingSettings
-from planish.types import Bools, Floats, Page, Scan
+from planish.types import Bools, Diagnostic, Floats, Page, Scan
 
 MIN_PAPER_CELLS = 200
 """Cells of quiet paper, 0.5 mm wide, that the light can be found from."""
@@ -57,7 +57,7 @@ class ShadingFit:
         Place of the lamp in the scan's frame, very far away for daylight.
     ambient : float or None
         Share of the light on the middle of the sheet that comes from all around.
-    warnings : tuple of str
+    warnings : tuple of Diagnostic
     """
 
     method: str
@@ -67,7 +67,7 @@ class ShadingFit:
     clipped_share: float
     lamp_mm: tuple[float, float, float] | None = None
     ambient: float | None = None
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Diagnostic, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,11 +125,14 @@ def remove_shading(
         raise UsageError('shading is "none", so there is no shade to remove; choose geometry or background')
     cells = cell_statistics(page)
     estimate = _by_geometry(cells, scan, page_xy, normals) if s.shading == "geometry" else None
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Diagnostic, ...] = ()
     if estimate is None and s.shading == "geometry":
         warnings = (
-            "the page shows too little blank paper to find the light from the sheet's shape; its shade was taken from "
-            "the background instead",
+            Diagnostic(
+                "shading-from-background",
+                "the page shows too little blank paper to find the light from the sheet's shape; its shade was taken "
+                "from the background instead",
+            ),
         )
     field, seam, lamp = estimate or (_background(cells), np.zeros(cells.known.shape, np.float32), None)
     if cells.known.any():
@@ -139,8 +142,12 @@ def remove_shading(
     clipped_share = float((clipped & page.known).mean())
     if clipped_share > CLIPPED:
         warnings += (
-            f"{100 * clipped_share:.0f} % of the page is clipped in the photo: how bright it was there is not known; "
-            "expose less",
+            Diagnostic(
+                "photo-clipped",
+                f"{100 * clipped_share:.0f} % of the page is clipped in the photo: how bright it was there is not "
+                "known",
+                "expose less",
+            ),
         )
     fit = _quality(cells, field, lamp, clipped_share, warnings)
     return EvenlyLit(Page(pixels, page.known, page.dpi, page.icc), clipped, fit, np.exp(field), cells.side_px)
@@ -200,7 +207,7 @@ def _kept_colour(field: Field, cells: Cells) -> Field:
 
 
 def _quality(
-    cells: Cells, field: Field, lamp: LampModel | None, clipped_share: float, warnings: tuple[str, ...]
+    cells: Cells, field: Field, lamp: LampModel | None, clipped_share: float, warnings: tuple[Diagnostic, ...]
 ) -> ShadingFit:
     before = cells.brightness
     after = np.exp(np.log(np.maximum(cells.light, 1e-4)) - field) @ LUMINANCE

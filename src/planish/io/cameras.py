@@ -116,8 +116,9 @@ def camera_as_json(camera: Camera, *, mm_per_unit: float = 1.0) -> dict[str, Any
 
 
 def _json_object(path: Path) -> dict[str, Any]:
+    data = read_bytes(path)
     try:
-        told = json.loads(read_bytes(path))
+        told = json.loads(data)
     except (ValueError, RecursionError) as problem:  # ValueError: no JSON, or no text at all
         raise InputError(f"{path} is no JSON file: {problem}") from None
     if not isinstance(told, dict):
@@ -205,7 +206,8 @@ def _named(path: Path, key: str, several: object, photo_name: str | None) -> obj
     if photo_name not in several and len(several) != 1:
         raise InputError(
             f"{path} has no camera for {photo_name or 'a scan without a photo'}, but for"
-            f" {', '.join(sorted(several)[:8]) or 'none'}; give one of these with --photo"
+            f" {', '.join(sorted(several)[:8]) or 'none'}",
+            "give one of these with {photo}",
         )
     return several[photo_name] if photo_name in several else next(iter(several.values()))
 

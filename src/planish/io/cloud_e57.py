@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from planish.errors import InputError, MissingExtraError
 from planish.io.filecloud import FileCloud, as_colours, as_grey
-from planish.types import Pixels
+from planish.types import Diagnostic, Pixels
 
 _MOST_PIXELS = 400e6
 """Of a range image: row and column numbers of a damaged file may be anything."""
@@ -53,9 +53,10 @@ def read_e57(path: Path) -> FileCloud:
         raise InputError(
             f"{path} is an E57, but damaged or cut short: {' '.join(str(problem).split())[:200]}"
         ) from None
-    several = f"{path} holds {len(counts)} scans; the one with the most points, number {which + 1}, was taken"
+    sentence = f"{path} holds {len(counts)} scans; the one with the most points, number {which + 1}, was taken"
+    warnings = [Diagnostic("several-scans", sentence)] if len(counts) > 1 else []
     points = np.stack([found[f"cartesian{axis}"] for axis in "XYZ"], axis=1).astype(np.float64)
-    cloud = FileCloud(points, _colours(found), scanner=scanner, unit="m", warnings=[several] if len(counts) > 1 else [])
+    cloud = FileCloud(points, _colours(found), scanner=scanner, unit="m", warnings=warnings)
     return _organised(cloud, found["rowIndex"], found["columnIndex"]) if "rowIndex" in found else cloud
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from planish.errors import InputError
 from planish.io.filecloud import FileCloud, as_colours, as_grey
 from planish.io.units import unit_named_in
-from planish.types import Floats, Pixels
+from planish.types import Diagnostic, Floats, Pixels
 
 _SIZE = re.compile(r"\b(?:width|cols|columns)\s*[:=]?\s*(\d+)[\s,;]+(?:height|rows)\s*[:=]?\s*(\d+)", re.I)
 _HEAD_LINES = 10
@@ -76,7 +76,8 @@ def read_ptx(path: Path, data: bytes) -> FileCloud:
     seen = numbers[:, :3].any(axis=1, keepdims=True)
     points = np.where(seen, numbers[:, :3] @ matrix[:3, :3] + matrix[3, :3], np.nan)
     left = len(lines) - _HEAD_LINES - rows * cols
-    warnings = [f"{path} holds further scans; the first was taken"] if left > _HEAD_LINES else []
+    several = Diagnostic("several-scans", f"{path} holds further scans; the first was taken")
+    warnings = [several] if left > _HEAD_LINES else []
     return FileCloud(points, _colours(numbers), None, (rows, cols), matrix[3, :3], "m", warnings)
 
 

@@ -14,7 +14,7 @@ from planish.errors import InputError, UsageError
 from planish.io.exr import EXR, read_exr
 from planish.io.files import files_in, is_folder, read_bytes
 from planish.io.images import decode_grid
-from planish.types import Floats
+from planish.types import Diagnostic, Floats
 
 DepthScale = Literal["auto", "realsense", "kinect", "tum", "mm", "m"]
 
@@ -27,7 +27,7 @@ _FARTHEST_METRES = 20.0
 """Floating numbers below it are metres: nobody measures a sheet 20 mm away."""
 
 
-def read_depths(paths: Iterable[str | Path], scale: float | str = "auto") -> tuple[list[Floats], list[str]]:
+def read_depths(paths: Iterable[str | Path], scale: float | str = "auto") -> tuple[list[Floats], list[Diagnostic]]:
     """Read depth maps, each a frame of the same scene; a folder stands for the maps in it, by name.
 
     Parameters
@@ -42,7 +42,7 @@ def read_depths(paths: Iterable[str | Path], scale: float | str = "auto") -> tup
     -------
     frames : list of (rows, cols) float64 [mm]
         0 or NaN where there is no depth.
-    warnings : list of str
+    warnings : list of Diagnostic
 
     Raises
     ------
@@ -62,13 +62,13 @@ def read_depths(paths: Iterable[str | Path], scale: float | str = "auto") -> tup
     if not isinstance(scale, str) and not (scale > 0 and np.isfinite(scale)):
         raise UsageError(f"the depth scale is {scale:g}; give how many of the file's numbers make a metre, above 0")
     frames: list[Floats] = []
-    warnings: list[str] = []
+    warnings: list[Diagnostic] = []
     for path in _files(paths):
         numbers = _numbers(path)
         per_metre = PER_METRE.get(scale, 0.0) if isinstance(scale, str) else float(scale)
         if not per_metre:
-            per_metre, told = _guessed(numbers)
-            warnings += [told] if told and told not in warnings else []
+            per_metre, guessed = _guessed(numbers)
+            warnings += [guessed] if guessed and guessed not in warnings else []
         depth = numbers.astype(np.float64) * (1000.0 / per_metre)
         frames += list(depth) if depth.ndim == 3 else [depth]
     return frames, warnings
@@ -114,11 +114,12 @@ def _from_npy(path: Path, data: bytes) -> NDArray:
         raise InputError(f"{path} is damaged or was cut short: {reason}") from None
 
 
-def _guessed(numbers: NDArray) -> tuple[float, str]:
-    """How many of the numbers make a metre, and what is to be said of it."""
+def _guessed(numbers: NDArray) -> tuple[float, Diagnostic | None]:
+    """How many of the numbers make a metre, and a warning where that is a guess."""
     if numbers.dtype.kind != "f":
-        return 1000.0, ""
+        return 1000.0, None
     seen = numbers[np.isfinite(numbers) & (numbers > 0)]
     if len(seen) and np.median(seen) < _FARTHEST_METRES:
-        return 1.0, "the depths are floating numbers below 20 and were taken as metres; say --scale if that is wrong"
-    return 1000.0, ""
+        sentence = "the depths are floating numbers below 20 and were taken as metres"
+        return 1.0, Diagnostic("depth-scale-guessed", sentence, "set {scale} if that is wrong")
+    return 1000.0, None

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planish.io.units import Unit
-from planish.types import Floats, Pixels, freeze
+from planish.types import Diagnostic, Floats, Pixels, freeze
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +30,7 @@ class FileCloud:
         Where the device stood.
     unit : {"mm", "cm", "m", "in"} or None
         What the file says itself.
-    warnings : list of str
+    warnings : list of Diagnostic
     """
 
     points: Floats
@@ -39,7 +39,7 @@ class FileCloud:
     shape_rc: tuple[int, int] | None = None
     scanner: Floats | None = None
     unit: Unit | None = None
-    warnings: list[str] = field(default_factory=list)
+    warnings: list[Diagnostic] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         freeze(self)

@@ -10,7 +10,7 @@ import numpy as np
 from planish.errors import InputError
 from planish.io.polygons import Polygons
 from planish.io.units import Unit
-from planish.types import Floats, freeze
+from planish.types import Diagnostic, Floats, freeze
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,14 +26,14 @@ class FileMesh:
         The image that the texture coordinates belong to: a file, or the bytes of one inside the mesh file.
     unit : {"mm", "cm", "m", "in"} or None
         What the file says itself.
-    warnings : list of str
+    warnings : list of Diagnostic
     """
 
     points: Floats
     polygons: Polygons
     texture: Path | bytes | None = None
     unit: Unit | None = None
-    warnings: list[str] = field(default_factory=list)
+    warnings: list[Diagnostic] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         freeze(self)

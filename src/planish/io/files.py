@@ -19,6 +19,7 @@ import numpy as np
 from planish.errors import InputError, OutputError
 from planish.io.atomic import Part
 from planish.memory import check_memory
+from planish.types import Report
 
 _REASONS = {
     errno.ENOSPC: "there is no room left on the disk; free some, or write elsewhere",
@@ -148,7 +149,7 @@ def _check_writable(path: Path, overwrite: bool) -> None:
     if path.is_dir() and not is_tifxyz(path):
         raise OutputError(f"{path} is a folder; the name of a file to write is wanted")
     if path.exists() and not overwrite:
-        raise OutputError(f"{path} exists already; give another name, or allow overwriting with --overwrite")
+        raise OutputError(f"{path} exists already", "give another name, or allow overwriting with {overwrite}")
     if not os.access(path if _is_stream(path) else folder, os.W_OK):
         raise OutputError(f"{path} cannot be written: {_REASONS[errno.EACCES]}")
 
@@ -317,6 +318,8 @@ def write_json(path: str | Path, report: Any) -> None:
       "max_mm": null
     }
     """
+    if isinstance(report, Report):
+        report = report.to_dict()
     plain = _plain(asdict(report) if is_dataclass(report) and not isinstance(report, type) else report)
     write_bytes(path, (json.dumps(plain, indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode())
 
@@ -330,7 +333,7 @@ def telling(path: Path) -> Iterator[None]:
     """Turn the system's errors into sentences."""
     try:
         yield
-    except BrokenPipeError:
+    except (BrokenPipeError, OutputError):  # an OutputError is an OSError too
         raise
     except OSError as problem:
         reason = _REASONS.get(problem.errno or 0) or problem.strerror or str(problem)

@@ -104,7 +104,8 @@ def check_flat_name(path: str | Path, as_: str = "points") -> None:
         )
     if suffix in ("", ".tifxyz") and as_ != "uv":
         raise OutputError(
-            f"{path}: a tifxyz folder holds where the page lies in space, which is --as uv; write .obj for flat points"
+            f"{path}: a tifxyz folder holds where the page lies in space, not flat points",
+            "set {as_=uv}, or write .obj for flat points",
         )
 
 

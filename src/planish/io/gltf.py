@@ -22,7 +22,7 @@ from planish.io.filemesh import FileMesh, check_faces
 from planish.io.files import read_bytes
 from planish.io.polygons import of_triangles
 from planish.io.textures import find_beside, find_image, use_one_image
-from planish.types import Floats
+from planish.types import Diagnostic, Floats
 
 _COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
@@ -309,7 +309,7 @@ def _image_name(number: int, told: Json) -> str:
     return told.get("name") or f"image {number}" if uri.startswith("data:") else unquote(uri)
 
 
-def _image(document: _Document, told: Json) -> tuple[Path | bytes | None, list[str]]:
+def _image(document: _Document, told: Json) -> tuple[Path | bytes | None, list[Diagnostic]]:
     """The file of an image beside the mesh, or the bytes of one within."""
     if "bufferView" in told:
         return bytes(document.view(told["bufferView"])), []

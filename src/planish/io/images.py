@@ -17,7 +17,7 @@ from planish.errors import InputError
 from planish.io.files import read_bytes
 from planish.io.suppress_stderr import silence
 from planish.memory import check_memory
-from planish.types import Pixels
+from planish.types import Diagnostic, Pixels
 
 FORMATS = {
     "JPEG": "JPEG",
@@ -60,7 +60,7 @@ class Photo(NamedTuple):
 
     pixels: Pixels
     icc: bytes | None
-    warnings: list[str]
+    warnings: list[Diagnostic]
 
 
 def read_photo(path: str | Path, *, upright: bool = False) -> Photo:
@@ -80,7 +80,7 @@ def read_photo(path: str | Path, *, upright: bool = False) -> Photo:
     Returns
     -------
     Photo
-        pixels (rows, cols, 3) uint8 or uint16; icc, the bytes of an RGB colour profile or None; warnings, sentences.
+        pixels (rows, cols, 3) uint8 or uint16; icc, the bytes of an RGB colour profile or None; warnings, Diagnostics.
 
     Raises
     ------
@@ -101,7 +101,7 @@ def read_photo(path: str | Path, *, upright: bool = False) -> Photo:
 
 def decode_photo(name: str, data: bytes, *, upright: bool = False) -> Photo:
     """Read a photo from the bytes of its file; `name` is for messages. As `read_photo`."""
-    warnings: list[str] = []
+    warnings: list[Diagnostic] = []
     with _decoding(name):
         image = Image.open(io.BytesIO(data), formats=list(FORMATS))
         _check_size(name, image, data)
@@ -111,13 +111,16 @@ def decode_photo(name: str, data: bytes, *, upright: bool = False) -> Photo:
         pixels, icc = _three_channels(name, pixels, icc, warnings)
         pages = getattr(image, "n_frames", 1) if image.format == "TIFF" else 1
     if pages > 1:
-        warnings.append(f"{name} holds {pages} pages; the first was read")
+        warnings.append(Diagnostic("several-pages", f"{name} holds {pages} pages; the first was read"))
     if upright:
         pixels = _turned(pixels, orientation)
     elif orientation != 1:
         warnings.append(
-            f"{name} asks to be shown turned (EXIF orientation {orientation}); its pixels were taken as stored, as"
-            " texture coordinates and cameras count them"
+            Diagnostic(
+                "exif-orientation-ignored",
+                f"{name} asks to be shown turned (EXIF orientation {orientation}); its pixels were taken as stored, as "
+                "texture coordinates and cameras count them",
+            )
         )
     return Photo(np.ascontiguousarray(pixels), icc, warnings)
 
@@ -187,7 +190,7 @@ def _orientation(image: Image.Image) -> int:
 
 
 def _stored_pixels(
-    name: str, data: bytes, image: Image.Image, orientation: int, warnings: list[str]
+    name: str, data: bytes, image: Image.Image, orientation: int, warnings: list[Diagnostic]
 ) -> tuple[NDArray, bytes | None]:
     """The pixels (rows, cols[, channels]) as the file has them, not turned, and their colour profile."""
     icc = image.info.get("icc_profile") or None
@@ -245,7 +248,9 @@ def _by_tifffile(data: bytes, image: Image.Image) -> NDArray[np.uint16]:
     return np.moveaxis(pixels, 0, -1) if _tag(image, _PLANAR_CONFIGURATION) == _IN_PLANES else pixels
 
 
-def _to_rgb(name: str, image: Image.Image, icc: bytes | None, warnings: list[str]) -> tuple[Image.Image, bytes | None]:
+def _to_rgb(
+    name: str, image: Image.Image, icc: bytes | None, warnings: list[Diagnostic]
+) -> tuple[Image.Image, bytes | None]:
     """An 8 bit image as L, LA, RGB or RGBA."""
     if image.mode in ("L", "LA", "RGB", "RGBA"):
         return image, icc
@@ -255,7 +260,7 @@ def _to_rgb(name: str, image: Image.Image, icc: bytes | None, warnings: list[str
     if image.mode in ("CMYK", "YCbCr", "LAB"):
         if image.mode == "CMYK":
             how = "by its colour profile" if icc else "without a colour profile, so its colours are rough"
-            warnings.append(f"{name} is in CMYK; it was converted to sRGB {how}")
+            warnings.append(Diagnostic("cmyk-converted", f"{name} is in CMYK; it was converted to sRGB {how}"))
         return _to_srgb(image, icc), None
     raise InputError(
         f"{name} holds pixels of kind {image.mode} (numbers of 32 bits); 8 or 16 bit grey or colour is wanted"
@@ -277,7 +282,9 @@ def _to_srgb(image: Image.Image, icc: bytes | None) -> Image.Image:
     return converted
 
 
-def _three_channels(name: str, pixels: NDArray, icc: bytes | None, warnings: list[str]) -> tuple[NDArray, bytes | None]:
+def _three_channels(
+    name: str, pixels: NDArray, icc: bytes | None, warnings: list[Diagnostic]
+) -> tuple[NDArray, bytes | None]:
     """Grey repeated, transparency dropped."""
     if pixels.ndim == 2:
         pixels = pixels[..., None]
@@ -285,10 +292,12 @@ def _three_channels(name: str, pixels: NDArray, icc: bytes | None, warnings: lis
     if pixels.shape[2] > colours:
         clear = int((pixels[..., colours] < np.iinfo(pixels.dtype).max).sum())
         if clear:
-            warnings.append(f"{name} has {clear} transparent pixels; their colours were taken as they are")
+            sentence = f"{name} has {clear} transparent pixels; their colours were taken as they are"
+            warnings.append(Diagnostic("transparency-dropped", sentence))
     if icc and icc[16:20] != b"RGB ":  # the colour space that the profile is for
         kind = icc[16:20].decode("ascii", "replace").strip()
-        warnings.append(f"{name} has a colour profile for {kind}, which is left out; its colours were taken as sRGB")
+        sentence = f"{name} has a colour profile for {kind}, which is left out; its colours were taken as sRGB"
+        warnings.append(Diagnostic("colour-profile-dropped", sentence))
         icc = None
     if colours == 3:
         return pixels[..., :3], icc

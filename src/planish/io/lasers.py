@@ -13,7 +13,7 @@ import numpy as np
 from planish.errors import InputError
 from planish.io.cameras import camera_as_json, camera_from_json
 from planish.io.files import read_bytes, write_json
-from planish.types import Camera, Floats
+from planish.types import Camera, Diagnostic, Floats
 
 _KEYS = {
     "lasers",
@@ -49,7 +49,7 @@ def check_camera(path: str | Path, held: Camera, given: Camera) -> None:
         )
 
 
-def read_rig(path: str | Path) -> tuple[Floats, Camera, list[str]]:
+def read_rig(path: str | Path) -> tuple[Floats, Camera, list[Diagnostic]]:
     """Read two lasers that do not move, and the camera that stands with them.
 
     Parameters
@@ -63,7 +63,7 @@ def read_rig(path: str | Path) -> tuple[Floats, Camera, list[str]]:
     planes : (2, 4) float64
         With (a, b, c) of length 1.
     camera : Camera
-    notes : list of str
+    notes : list of Diagnostic
         What the file says of itself.
 
     Raises
@@ -79,7 +79,8 @@ def read_rig(path: str | Path) -> tuple[Floats, Camera, list[str]]:
     planes = _planes(path, "lasers", told["lasers"], 2)
     if len(planes) != 2:
         raise InputError(f"{path} has {len(planes)} lasers; two are wanted, the upper one first")
-    return planes, camera_from_json(path, told["camera"]), [str(told["note"])] if "note" in told else []
+    notes = [Diagnostic("calibration-note", str(told["note"]))] if "note" in told else []
+    return planes, camera_from_json(path, told["camera"]), notes
 
 
 def write_rig(
@@ -200,8 +201,9 @@ def read_sweep(
 
 
 def _told(path: Path) -> dict[str, Any]:
+    data = read_bytes(path)
     try:
-        told = json.loads(read_bytes(path))
+        told = json.loads(data)
     except (ValueError, RecursionError) as problem:
         raise InputError(f"{path} is no JSON file: {problem}") from None
     if not isinstance(told, dict):

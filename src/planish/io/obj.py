@@ -20,7 +20,7 @@ from planish.io.filemesh import FileMesh, check_faces
 from planish.io.polygons import Polygons
 from planish.io.textures import find_beside, find_image, use_one_image
 from planish.io.units import Unit, unit_named_in
-from planish.types import Floats, Ints
+from planish.types import Diagnostic, Floats, Ints
 
 _NUMBER = rb"[ \t]++[-+]?+(?:[0-9]++\.?+[0-9]*+|\.[0-9]++)(?:[eE][-+]?+[0-9]++)?+"
 _INDEX = rb"-?+[0-9]{1,9}+"
@@ -121,7 +121,7 @@ def _polygons(reader: tinyobjloader.ObjReader) -> tuple[Polygons, Ints]:
     return Polygons(sizes, index[:, 0], uv, uv_corners), materials
 
 
-def _check_complete(path: Path, points: Floats, polygons: Polygons, whole: bool) -> list[str]:
+def _check_complete(path: Path, points: Floats, polygons: Polygons, whole: bool) -> list[Diagnostic]:
     """Notice a file that was cut between two faces: points are left over, and the last line has no end."""
     used = np.zeros(len(points), bool)
     used[polygons.corners] = True
@@ -132,7 +132,8 @@ def _check_complete(path: Path, points: Floats, polygons: Polygons, whole: bool)
             " cut short? If it is complete, add a line end"
         )
     if lost > _LOST_POINTS * len(points):
-        return [f"{lost} of the {len(points)} points belong to no face; was the file cut short?"]
+        sentence = f"{lost} of the {len(points)} points belong to no face; was the file cut short?"
+        return [Diagnostic("points-unused", sentence)]
     return []
 
 
@@ -149,21 +150,23 @@ def _first_line(text: str) -> str:
 # Materials
 
 
-def _materials_text(path: Path, data: bytes, inside: Path | None) -> tuple[str, list[str]]:
-    """The text of all MTL files that the OBJ names, and a sentence on each that is missing."""
-    texts, warnings = [], []
+def _materials_text(path: Path, data: bytes, inside: Path | None) -> tuple[str, list[Diagnostic]]:
+    """The text of all MTL files that the OBJ names, and a warning for each that is missing."""
+    texts: list[str] = []
+    warnings: list[Diagnostic] = []
     for line in re.finditer(rb"mtllib[ \t]+([^\n]*)", data):  # not ^mtllib, which is ten times as slow to search for
         if data[data.rfind(b"\n", 0, line.start()) + 1 : line.start()].strip():
             continue  # a comment, or part of another word
         name = line[1].strip().decode("utf-8", "replace")
         found = find_beside(path, name, inside)
         if found is None:
-            warnings.append(f"{path} names the material file {name}, which does not exist")
+            sentence = f"{path} names the material file {name}, which does not exist"
+            warnings.append(Diagnostic("material-file-missing", sentence))
             continue
         try:
             text = found.read_bytes()
         except OSError as problem:
-            warnings.append(f"{found} cannot be read: {problem.strerror}")
+            warnings.append(Diagnostic("material-file-unreadable", f"{found} cannot be read: {problem.strerror}"))
             continue
         try:
             texts.append(text.decode("utf-8"))
@@ -174,7 +177,7 @@ def _materials_text(path: Path, data: bytes, inside: Path | None) -> tuple[str, 
 
 def _texture(
     path: Path, polygons: Polygons, materials: Ints, known: list[tinyobjloader.material_t], inside: Path | None
-) -> tuple[Polygons, Path | None, list[str]]:
+) -> tuple[Polygons, Path | None, list[Diagnostic]]:
     """The image of the material that most faces have."""
     names = [material.diffuse_texname for material in known]
     images = sorted({name for name in names if name})

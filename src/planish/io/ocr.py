@@ -34,8 +34,8 @@ def check_ocr(language: str) -> None:
     missing = [name for name in language.split("+") if name not in known]
     if missing:
         raise UsageError(
-            f"Tesseract has no language {' or '.join(missing)}, only {', '.join(sorted(known))}; install its language "
-            "data (on Debian: tesseract-ocr-LANGUAGE), or name another with --ocr"
+            f"Tesseract has no language {' or '.join(missing)}, only {', '.join(sorted(known))}",
+            "install its language data (on Debian: tesseract-ocr-LANGUAGE), or name another with {ocr}",
         )
 
 
@@ -55,7 +55,7 @@ def text_layer(page: Page, language: str) -> bytes:
             _grey_image(page), lang=language, config=f"{_dpi(page)} -c textonly_pdf=1", extension="pdf"
         )
     except program.TesseractError as problem:
-        raise OutputError(f"Tesseract could not read the page: {problem.message}; leave out --ocr") from None
+        raise OutputError(f"Tesseract could not read the page: {problem.message}", "leave out {ocr}") from None
     return bytes(found)
 
 

@@ -17,7 +17,7 @@ from planish.io.meshes import read_mesh
 from planish.io.polygons import Polygons, triangulate, uv_of_points
 from planish.io.units import MM_PER_UNIT, Unit, decide_unit
 from planish.io.views import Files, listed, matched
-from planish.types import Camera, Floats, Mesh, Scan, View
+from planish.types import Camera, Diagnostic, Floats, Mesh, Scan, View
 
 _OUTSIDE = 1e-4
 """How far texture coordinates may be outside 0 to 1 before that is said: rounding in the file."""
@@ -33,7 +33,7 @@ class ReadScan:
         In mm; the points in the file's order, the faces cut into triangles.
     unit : {"mm", "cm", "m", "in"}
         That the file's numbers were taken to be in.
-    warnings : list of str
+    warnings : list of Diagnostic
     polygons : Polygons
         The file's own faces and texture coordinates.
     sources : tuple of Path
@@ -42,7 +42,7 @@ class ReadScan:
 
     scan: Scan
     unit: Unit
-    warnings: list[str]
+    warnings: list[Diagnostic]
     polygons: Polygons
     sources: tuple[Path, ...] = ()
 
@@ -83,8 +83,8 @@ def read_scan(
     cameras = matched(photos, listed(camera))
     main, seen_by = (photos[0] if photos else None), cameras[0]
     found = read_mesh(path, None if inside is None else Path(inside))
-    unit, told = decide_unit(found.points, units, found.unit)
-    warnings = [*found.warnings, *told]
+    unit, doubts = decide_unit(found.points, units, found.unit)
+    warnings = [*found.warnings, *doubts]
     points = found.points * MM_PER_UNIT[unit]
     triangles = triangulate(points, found.polygons)
     mesh = Mesh(points, found.polygons.corners[triangles])
@@ -97,7 +97,8 @@ def read_scan(
             photo_xy = _photo_xy(path, found.polygons, triangles, len(points), picture.pixels.shape[:2], warnings)
         if photo_xy is None and seen_from is None:
             raise InputError(
-                f"{path} has no texture coordinates, so nothing tells where its points lie on the photo; give --camera"
+                f"{path} has no texture coordinates, so nothing tells where its points lie on the photo",
+                "give {camera}",
             )
     pixels, icc = (picture.pixels, picture.icc) if picture else (None, None)
     others = [
@@ -126,7 +127,7 @@ def _view(
     points: Floats,
     mm_per_unit: float,
     icc: bytes | None,
-    warnings: list[str],
+    warnings: list[Diagnostic],
 ) -> View:
     """A further photo and its camera; `icc` is the colour profile of the main one."""
     camera = _camera_of(seen_by, photo.name, points, mm_per_unit)
@@ -136,8 +137,11 @@ def _view(
     _check_same_size(seen_by, camera, photo, picture)
     if picture.icc != icc:
         warnings.append(
-            f"{photo} has another colour profile than the first photo; its brightness was matched to that one's, its "
-            "colours were taken as they are"
+            Diagnostic(
+                "colour-profiles-differ",
+                f"{photo} has another colour profile than the first photo; its brightness was matched to that one's, "
+                "its colours were taken as they are",
+            )
         )
     return View(picture.pixels, camera)
 
@@ -149,7 +153,7 @@ def _photo_name(found: FileMesh, photo: str | Path | None) -> str | None:
 
 
 def _picture(
-    path: Path, found: FileMesh, photo: str | Path | None, camera: Camera | None, warnings: list[str]
+    path: Path, found: FileMesh, photo: str | Path | None, camera: Camera | None, warnings: list[Diagnostic]
 ) -> Photo | None:
     """The photo that the user names, or else the texture, if it can be read: the geometry does without."""
     source = found.texture if photo is None else photo
@@ -163,7 +167,7 @@ def _picture(
     except InputError as problem:
         if photo is not None:
             raise
-        warnings.append(f"the texture was left out: {problem}")
+        warnings.append(Diagnostic("texture-unreadable", f"the texture was left out: {problem.sentence}", problem.hint))
         return None
     warnings += picture.warnings
     return picture
@@ -206,7 +210,7 @@ def _photo_xy(
     triangles: NDArray[np.int64],
     count: int,
     shape_rc: tuple[int, int],
-    warnings: list[str],
+    warnings: list[Diagnostic],
 ) -> Floats | None:
     """Texture coordinates as photo pixels: per point (n, 2) where each point has one place, else per corner (m, 3, 2).
 
@@ -226,13 +230,16 @@ def _photo_xy(
     return np.asarray(places[polygons.uv_corners[triangles]])
 
 
-def _say_outside(path: Path, polygons: Polygons, warnings: list[str]) -> None:
+def _say_outside(path: Path, polygons: Polygons, warnings: list[Diagnostic]) -> None:
     assert polygons.uv is not None
     assert polygons.uv_corners is not None
     used = polygons.uv[polygons.uv_corners[polygons.uv_corners >= 0]]
     outside = int(((used < -_OUTSIDE) | (used > 1 + _OUTSIDE)).any(1).sum())
     if outside:
         warnings.append(
-            f"{path}: {outside} of {len(polygons.corners)} face corners have texture coordinates outside 0 to 1, so the"
-            " photo does not show them"
+            Diagnostic(
+                "texture-outside-photo",
+                f"{path}: {outside} of {len(polygons.corners)} face corners have texture coordinates outside 0 to 1, "
+                "so the photo does not show them",
+            )
         )

@@ -7,7 +7,7 @@ from pathlib import Path, PureWindowsPath
 import numpy as np
 
 from planish.io.polygons import Polygons
-from planish.types import Bools, Ints
+from planish.types import Bools, Diagnostic, Ints
 
 
 def find_beside(path: Path, name: str, inside: Path | None = None) -> Path | None:
@@ -26,7 +26,7 @@ def find_beside(path: Path, name: str, inside: Path | None = None) -> Path | Non
 
 def use_one_image(
     path: Path, polygons: Polygons, names: list[str], image_of_face: Ints
-) -> tuple[Polygons, int | None, list[str]]:
+) -> tuple[Polygons, int | None, list[Diagnostic]]:
     """Choose the image that most faces use; faces on another lose their texture coordinates.
 
     Parameters
@@ -44,7 +44,7 @@ def use_one_image(
     polygons : Polygons
     chosen : int or None
         Number of the image; None where there is none, or there are no texture coordinates.
-    warnings : list of str
+    warnings : list of Diagnostic
     """
     if polygons.uv_corners is None or not names:
         return polygons, None, []
@@ -56,17 +56,20 @@ def use_one_image(
     warnings = []
     if others:
         warnings.append(
-            f"{path} has {len(names)} images; {names[chosen]} is used, and {others} faces on others stay blank"
+            Diagnostic(
+                "several-images",
+                f"{path} has {len(names)} images; {names[chosen]} is used, and {others} faces on others stay blank",
+            )
         )
     return _without_uv(polygons, image_of_face != chosen), chosen, warnings
 
 
-def find_image(path: Path, name: str, inside: Path | None = None) -> tuple[Path | None, list[str]]:
+def find_image(path: Path, name: str, inside: Path | None = None) -> tuple[Path | None, list[Diagnostic]]:
     """The image file that a mesh file names, and a warning where there is none."""
     found = find_beside(path, name, inside)
     if found is not None:
         return found, []
-    return None, [f"{path} names the image {name}, which does not exist"]
+    return None, [Diagnostic("image-missing", f"{path} names the image {name}, which does not exist")]
 
 
 def _without_uv(polygons: Polygons, blank: Bools) -> Polygons:

@@ -19,7 +19,7 @@ from planish.io.filemesh import FileMesh, check_faces
 from planish.io.files import is_tifxyz, read_bytes, writing_folder
 from planish.io.images import decode_grid
 from planish.io.polygons import Polygons
-from planish.types import Bools, Floats
+from planish.types import Bools, Diagnostic, Floats
 
 _NO_SURFACE = -1.0
 _KEEP = 255
@@ -50,7 +50,8 @@ def read_tifxyz(path: Path) -> FileMesh:
     if (path / "mask.tif").is_file():
         keep = _mask(path / "mask.tif", known.shape)
         if keep is None:
-            warnings.append(f"{path / 'mask.tif'} is no whole multiple of the grid in size; it was left out")
+            sentence = f"{path / 'mask.tif'} is no whole multiple of the grid in size; it was left out"
+            warnings.append(Diagnostic("mask-unusable", sentence))
         else:
             known &= keep
     points = np.stack([grid[known] for grid in xyz], axis=1)
@@ -71,8 +72,9 @@ def _coordinates(path: Path) -> Floats:
 
 
 def _check_meta(path: Path) -> None:
+    data = read_bytes(path)
     try:
-        meta = json.loads(read_bytes(path))
+        meta = json.loads(data)
     except (ValueError, RecursionError) as problem:
         raise InputError(f"{path} is no JSON file: {problem}") from None
     if not isinstance(meta, dict) or meta.get("format", "tifxyz") != "tifxyz":

@@ -9,7 +9,7 @@ import numpy as np
 
 from planish.dpi import MM_PER_INCH
 from planish.errors import InputError, UsageError
-from planish.types import Floats
+from planish.types import Diagnostic, Floats
 
 Unit = Literal["mm", "cm", "m", "in"]
 
@@ -24,6 +24,8 @@ TINY_MM = 1.0
 
 A4_MM = 364.0
 """Diagonal of the usual page."""
+
+_IF_WRONG = "set {units} if that is wrong"
 
 _HINT = re.compile(
     r"\bunits?\s*(?:[:=]\s*|\s(?:is|are|in)\s+)(mm|millimet(?:er|re)s?|cm|centimet(?:er|re)s?|m|met(?:er|re)s?|in|inch(?:es)?)\b",
@@ -50,7 +52,7 @@ def unit_named_in(comments: str) -> Unit | None:
     return short  # type: ignore[return-value]
 
 
-def decide_unit(points: Floats, asked: str, named: Unit | None) -> tuple[Unit, list[str]]:
+def decide_unit(points: Floats, asked: str, named: Unit | None) -> tuple[Unit, list[Diagnostic]]:
     """Decide in which unit the numbers of a file are, and say so where that is not plain.
 
     What the user asked for holds; else what the file names, but not metres where only millimetres make a page, as
@@ -68,7 +70,7 @@ def decide_unit(points: Floats, asked: str, named: Unit | None) -> tuple[Unit, l
     Returns
     -------
     unit : {"mm", "cm", "m", "in"}
-    warnings : list of str
+    warnings : list of Diagnostic
 
     Raises
     ------
@@ -79,9 +81,9 @@ def decide_unit(points: Floats, asked: str, named: Unit | None) -> tuple[Unit, l
     --------
     >>> sheet = np.array([[0.0, 0.0, 0.0], [8.5, 11.0, 0.0]])
     >>> decide_unit(sheet, "auto", None)
-    ('in', ['the file names no unit; its numbers were taken as in, which makes it 353 mm from ...'])
+    ('in', [Diagnostic(code='unit-guessed', sentence='the file names no unit; its numbers were taken as in, ...')])
     >>> decide_unit(sheet, "mm", None)
-    ('mm', ['the sheet is 13.9 mm from corner to corner when its numbers are taken as mm; is the unit ...'])
+    ('mm', [Diagnostic(code='size-unusual', sentence='the sheet is 13.9 mm from corner to corner ...)])
     """
     if asked not in ("auto", *get_args(Unit)):
         raise UsageError(f"the unit must be one of auto, {', '.join(get_args(Unit))}, not {asked}")
@@ -91,10 +93,11 @@ def decide_unit(points: Floats, asked: str, named: Unit | None) -> tuple[Unit, l
             "some points lie so far from the others that no number holds the distance; is the file damaged?"
         )
     if asked == "auto" and named == "m" and _is_page(diagonal):
-        return "mm", [
+        sentence = (
             f"the file says that its numbers are metres, but no sheet is {diagonal:.0f} m from corner to corner; they"
-            " were taken as mm; say --units if that is wrong"
-        ]
+            " were taken as mm"
+        )
+        return "mm", [Diagnostic("unit-overruled", sentence, _IF_WRONG)]
     if asked != "auto" or named:
         unit: Unit = named if asked == "auto" and named else asked  # type: ignore[assignment]
         return unit, _doubt(diagonal * MM_PER_UNIT[unit], unit)
@@ -102,15 +105,15 @@ def decide_unit(points: Floats, asked: str, named: Unit | None) -> tuple[Unit, l
         return "mm", []
     unit = min(MM_PER_UNIT, key=lambda u: abs(np.log(diagonal * MM_PER_UNIT[u] / A4_MM)))
     size = diagonal * MM_PER_UNIT[unit]
-    warning = (
+    sentence = (
         f"the file names no unit; its numbers were taken as {unit}, which makes it {size:.3g} mm from corner to corner"
     )
     if not A4_MM / 4 < size < A4_MM * 4:
-        warning = (
+        sentence = (
             f"the file names no unit, and none of mm, cm, m, in makes a usual page of it; its numbers were taken as"
             f" {unit}: {size:.3g} mm from corner to corner, so sizes and dpi are right only up to a factor"
         )
-    return unit, [warning + "; say --units if that is wrong"]
+    return unit, [Diagnostic("unit-guessed", sentence, _IF_WRONG)]
 
 
 def _diagonal(points: Floats) -> float:
@@ -123,15 +126,14 @@ def _is_page(diagonal_mm: float) -> bool:
     return PAGE_MM[0] <= diagonal_mm <= PAGE_MM[1]
 
 
-def _doubt(diagonal_mm: float, unit: Unit) -> list[str]:
+def _doubt(diagonal_mm: float, unit: Unit) -> list[Diagnostic]:
     if diagonal_mm > HUGE_MM or 0 < diagonal_mm < TINY_MM:
         raise InputError(
             f"the sheet is {diagonal_mm:.3g} mm from corner to corner when its numbers are taken as {unit}, and no"
-            f" sheet is so {'large' if diagonal_mm > HUGE_MM else 'small'}; --units takes another unit"
+            f" sheet is so {'large' if diagonal_mm > HUGE_MM else 'small'}",
+            "set {units} to another unit",
         )
     if not diagonal_mm > 0 or _is_page(diagonal_mm):
         return []
-    return [
-        f"the sheet is {diagonal_mm:.3g} mm from corner to corner when its numbers are taken as {unit}; is the unit"
-        f" right? --units takes another"
-    ]
+    sentence = f"the sheet is {diagonal_mm:.3g} mm from corner to corner when its numbers are taken as {unit}"
+    return [Diagnostic("size-unusual", sentence, _IF_WRONG)]

@@ -34,8 +34,8 @@ def matched(photos: Sequence[Path], cameras: Sequence[Path]) -> list[Path | None
     """
     if len(photos) > 1 and not cameras:
         raise InputError(
-            f"{len(photos)} photos were given and no camera; where the sheet lies on each must be told: give --camera "
-            "for each photo, in the same order, or one file that has all of them by name"
+            f"{len(photos)} photos were given and no camera; where the sheet lies on each must be told",
+            "give {camera} for each photo, in the same order, or one file that has all of them by name",
         )
     twice = {str(photo) for i, photo in enumerate(photos) if photo in photos[:i]}
     if twice:
@@ -47,8 +47,9 @@ def matched(photos: Sequence[Path], cameras: Sequence[Path]) -> list[Path | None
         )
     if len(cameras) == 1 and len(photos) > 1 and not holds_many(cameras[0]):
         raise InputError(
-            f"{cameras[0]} holds one camera, but {len(photos)} photos were given; give --camera for each photo, in the "
-            "same order, or one file that has all of them by name (docs/formats.md shows how)"
+            f"{cameras[0]} holds one camera, but {len(photos)} photos were given",
+            "give {camera} for each photo, in the same order, or one file that has all of them by name "
+            "(docs/formats.md shows how)",
         )
     if len(cameras) == 1:
         return [cameras[0]] * max(1, len(photos))

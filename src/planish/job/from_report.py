@@ -72,8 +72,9 @@ def inputs_from_report(result: Path) -> JobInputs:
 
 
 def _read_report(path: Path) -> dict[str, Any]:
+    data = read_bytes(path)
     try:
-        report = json.loads(read_bytes(path))
+        report = json.loads(data)
     except (ValueError, RecursionError):
         report = None
     wanted = {"sources": dict, "page": dict, "scan": dict}

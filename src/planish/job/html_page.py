@@ -10,6 +10,7 @@ from planish.io import check_writable, fingerprints, read_scan, way_up, write_by
 from planish.job.from_report import JobInputs
 from planish.job.runner import JobResult, check_html_name, with_file_info
 from planish.pipeline import Progress, restore
+from planish.types import Diagnostic
 from planish.view import view_page
 
 SIZE_TOLERANCE_MM = 0.01
@@ -49,14 +50,15 @@ def make_html(inputs: JobInputs, out: Path, progress: Progress | None = None, *,
     return JobResult(report, [out])
 
 
-def _size_warnings(inputs: JobInputs, size_mm: tuple[float, float]) -> list[str]:
+def _size_warnings(inputs: JobInputs, size_mm: tuple[float, float]) -> list[Diagnostic]:
     """Warn if the repeated restoration differs in size from the report."""
     if inputs.size_mm is None or all(
         abs(a - b) <= SIZE_TOLERANCE_MM for a, b in zip(inputs.size_mm, size_mm, strict=True)
     ):
         return []
     (report_w, report_h), (new_w, new_h) = inputs.size_mm, size_mm
-    return [
+    sentence = (
         f"the page restored for this view is {new_w:.2f} x {new_h:.2f} mm, but the report says {report_w:.2f} x "
         f"{report_h:.2f}; the report was made by another version or with other settings"
-    ]
+    )
+    return [Diagnostic("page-size-changed", sentence)]

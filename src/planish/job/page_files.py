@@ -39,9 +39,9 @@ def check_pages(out: Outputs) -> None:
     suffixes = {path: check_page_name(path) for path in named if path is not None}
     if out.mask is not None and suffixes[out.mask] not in (".png", ".tif", ".tiff"):
         raise OutputError(f"{out.mask}: a mask needs a lossless format; name it .png or .tif")
-    for flag in [*(["--pdfa"] if out.pdfa else []), *(["--ocr"] if out.ocr is not None else [])]:
+    for what in [*(["PDF/A"] if out.pdfa else []), *(["a layer of text"] if out.ocr is not None else [])]:
         if ".pdf" not in suffixes.values():
-            raise UsageError(f"{flag} is for PDF; name the page with -o NAME.pdf, not {out.page.name}")
+            raise UsageError(f"{what} is for PDF, and {out.page.name} is none", "name a page that ends in .pdf")
     if out.ocr is not None:
         check_ocr(out.ocr)
 

@@ -27,6 +27,9 @@ from planish.pipeline import Progress, restore
 from planish.types import Report
 from planish.view import view_page
 
+_WITHOUT_PHOTO = ("image-missing", "texture-unreadable", "material-file-missing", "material-file-unreadable")
+"""Codes of the warnings that tell why a scan has no photo."""
+
 
 @dataclass(frozen=True)
 class JobResult:
@@ -57,7 +60,9 @@ def check(job: Job) -> None:
     out = job.outputs
     check_pages(out)
     if out.binary is not None and job.settings.binarize.binarize == "none":
-        raise UsageError("--binary is for a page in black and white, and --binarize none makes none; name a method")
+        raise UsageError(
+            "a page in black and white is to be written, and binarization is none", "name a method with {binarize}"
+        )
     if out.flat is not None:
         check_flat_name(out.flat)
     if out.certificate is not None:
@@ -164,10 +169,10 @@ def _read_scan(job: Job) -> ReadScan:
         inside=job.inside,
     )
     if loaded.scan.photo is None:
-        why = "".join(f"; {warning}" for warning in loaded.warnings if "image" in warning or "photo" in warning)
+        why = "".join(f"; {warning.sentence}" for warning in loaded.warnings if warning.code in _WITHOUT_PHOTO)
         raise InputError(
-            f"{job.scan} came without a photo that can be drawn{why}; give --photo, or use `planish flatten` for the "
-            "geometry alone"
+            f"{job.scan} came without a photo that can be drawn{why}",
+            "give {photo}, or use `planish flatten` for the geometry alone",
         )
     return loaded
 

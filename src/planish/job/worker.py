@@ -22,6 +22,7 @@ from time import monotonic
 from typing import Any, TypeVar
 
 from planish.errors import InputError, PlanishError
+from planish.memory import is_out_of_memory
 
 T = TypeVar("T")
 Progress = Callable[[str, float], None]
@@ -34,6 +35,7 @@ _PROGRESS_INTERVAL = 0.05
 """Minimum seconds between two progress messages of one stage."""
 _KILL_TIMEOUT = 10.0
 """Seconds to wait for a killed process, which has to free its memory."""
+_REDUCE = "give fewer {points}, a lower {dpi} or a smaller photo"
 
 
 class LimitError(InputError):
@@ -49,8 +51,8 @@ class WorkerDiedError(InputError):
         Signal that ended the process.
     """
 
-    def __init__(self, sentence: str, signal: int | None = None):
-        super().__init__(sentence)
+    def __init__(self, sentence: str, hint: str = "", *, signal: int | None = None):
+        super().__init__(sentence, hint)
         self.signal = signal
 
 
@@ -63,8 +65,8 @@ class InternalError(InputError):
         Traceback.
     """
 
-    def __init__(self, sentence: str, trace: str = ""):
-        super().__init__(sentence)
+    def __init__(self, sentence: str, hint: str = "", *, trace: str = ""):
+        super().__init__(sentence, hint)
         self.trace = trace
 
 
@@ -150,7 +152,7 @@ def _start_process(process: BaseProcess) -> None:
             process.start()  # starts the fork server as well if it is not running
         except (EOFError, OSError) as problem:
             raise WorkerDiedError(
-                f"no process could be started ({problem or 'the fork server ended'}); try again"
+                f"no process could be started ({problem or 'the fork server ended'})", "try again"
             ) from None
         finally:
             del os.environ["PLANISH_PRELOAD"]
@@ -165,10 +167,7 @@ def _wait_for_result(
         if stop.is_set():
             raise StoppedError
         if limits.seconds is not None and monotonic() - start > limits.seconds:
-            raise LimitError(
-                f"not finished within the time limit of {limits.seconds:g} s; give fewer points, a lower dpi or a "
-                "smaller photo"
-            )
+            raise LimitError(f"not finished within the time limit of {limits.seconds:g} s", _REDUCE)
         if not ready:
             continue
         try:
@@ -180,8 +179,7 @@ def _wait_for_result(
         elif kind == "done":
             return payload[0]
         else:
-            error, *arguments = payload
-            raise error(*arguments)
+            raise payload[0]
 
 
 def _died_error(process: BaseProcess, limits: Limits) -> WorkerDiedError:
@@ -191,8 +189,9 @@ def _died_error(process: BaseProcess, limits: Limits) -> WorkerDiedError:
     how = f"with exit code {code}" if number is None else f"by signal {number}"
     limit = "" if limits.memory_mb is None else f" (the limit is {limits.memory_mb:g} MB)"
     return WorkerDiedError(
-        f"the worker process ended {how}, as happens when memory runs out{limit}; try again, or give a smaller scan",
-        number,
+        f"the worker process ended {how}, as happens when memory runs out{limit}",
+        "try again, or give a smaller scan",
+        signal=number,
     )
 
 
@@ -225,14 +224,14 @@ def _outcome(
     try:
         return "done", function(*arguments, progress)
     except PlanishError as problem:
-        return "failed", type(problem), str(problem)
+        return "failed", problem
     except Exception as problem:
-        if isinstance(problem, MemoryError) or "Insufficient memory" in str(problem):  # OpenCV has its own class
+        if is_out_of_memory(problem):
             needed = f"more than {limits.memory_mb:g} MB of memory" if limits.memory_mb else "more memory than there is"
-            return "failed", LimitError, f"it takes {needed}; give fewer points, a lower dpi or a smaller photo"
+            return "failed", LimitError(f"it takes {needed}", _REDUCE)
         text = " ".join(f"{type(problem).__name__}: {problem}".split())
-        sentence = f"planish itself failed ({text}); please report this with the scan"
-        return "failed", InternalError, sentence, traceback.format_exc()
+        hint = "please report this with the scan"
+        return "failed", InternalError(f"planish itself failed ({text})", hint, trace=traceback.format_exc())
 
 
 class _ProgressSender:

@@ -12,7 +12,7 @@ from planish.memory import check_memory
 from planish.mesh.measures import angle_sums, area_vectors, border_loops, bounds
 from planish.mesh.orient import pieces_and_winding
 from planish.mesh.topology import topology
-from planish.types import Bools, Floats, Ints, Mesh, PreparedScan, Scan, Topology
+from planish.types import Bools, Diagnostic, Floats, Ints, Mesh, PreparedScan, Scan, Topology
 
 DUST = 0.01
 """A piece, or a flap at an edge with three faces, below this share of the sheet's area is left out."""
@@ -43,7 +43,7 @@ def repair(scan: Scan) -> PreparedScan:
     source = scan
     if scan.camera is not None and scan.photo_xy is None:
         scan = replace(scan, photo_xy=project(scan.camera, points))
-    warnings: list[str] = []
+    warnings: list[Diagnostic] = []
     rows = _usable(points, faces, warnings)
     rows, topo = _manifold(points, faces, rows, warnings)
     weld, topo = _weld(points, faces[rows], topo, warnings)
@@ -76,21 +76,24 @@ def _check(points: Floats, faces: Ints) -> None:
         )
 
 
-def _usable(points: Floats, faces: Ints, warnings: list[str]) -> Ints:
+def _usable(points: Floats, faces: Ints, warnings: list[Diagnostic]) -> Ints:
     """Rows of the faces whose points are finite and three."""
     finite = np.asarray(np.isfinite(points).all(axis=1))
     rows = np.arange(len(faces), dtype=np.int32)
     if not finite.all():
         good = finite[faces].all(axis=1)
         warnings.append(
-            f"{(~finite).sum():,} points are not finite numbers; they and the {(~good).sum():,} faces at them were "
-            "left out"
+            Diagnostic(
+                "points-not-finite",
+                f"{(~finite).sum():,} points are not finite numbers; they and the {(~good).sum():,} faces at them were "
+                "left out",
+            )
         )
         rows = rows[good]
     a, b, c = faces[rows].T
     good = (a != b) & (b != c) & (c != a)
     if not good.all():
-        warnings.append(f"{(~good).sum():,} faces use a point twice and were left out")
+        warnings.append(Diagnostic("faces-degenerate", f"{(~good).sum():,} faces use a point twice and were left out"))
         rows = rows[good]
     if not len(rows):
         raise InputError("no face of the scan has three different, finite points")
@@ -104,14 +107,17 @@ def _usable(points: Floats, faces: Ints, warnings: list[str]) -> Ints:
     return rows
 
 
-def _manifold(points: Floats, faces: Ints, rows: Ints, warnings: list[str]) -> tuple[Ints, Topology]:
+def _manifold(points: Floats, faces: Ints, rows: Ints, warnings: list[Diagnostic]) -> tuple[Ints, Topology]:
     """Take away doubled faces and small flaps until no edge has more than two faces."""
     topo = topology(faces[rows], len(points))
     if topo.edge_uses.max() <= 2:
         return rows, topo
     _, first = np.unique(np.sort(faces[rows], axis=1), axis=0, return_index=True)
     if len(first) < len(rows):
-        warnings.append(f"{len(rows) - len(first):,} faces stand in the file more than once; one of each was kept")
+        count = len(rows) - len(first)
+        warnings.append(
+            Diagnostic("faces-duplicate", f"{count:,} faces stand in the file more than once; one of each was kept")
+        )
         rows = rows[np.sort(first)]
         topo = topology(faces[rows], len(points))
     crowded = topo.edge_uses > 2
@@ -131,13 +137,16 @@ def _manifold(points: Floats, faces: Ints, rows: Ints, warnings: list[str]) -> t
             "at most two at an edge, so repair the mesh (non-manifold edges) first"
         )
     warnings.append(
-        f"{len(rows) - len(left):,} faces hang as flaps at {crowded.sum():,} edges that have more than two faces; "
-        "they were left out"
+        Diagnostic(
+            "flaps-removed",
+            f"{len(rows) - len(left):,} faces hang as flaps at {crowded.sum():,} edges that have more than two faces; "
+            "they were left out",
+        )
     )
     return left, trial
 
 
-def _weld(points: Floats, faces: Ints, topo: Topology, warnings: list[str]) -> tuple[Ints | None, Topology]:
+def _weld(points: Floats, faces: Ints, topo: Topology, warnings: list[Diagnostic]) -> tuple[Ints | None, Topology]:
     """Join border points that lie in the very same place, as texture seams and triangle soups need it.
 
     A seam may also have been cut on purpose, to open a tube or a cone. So the weld is kept only if no edge gets a
@@ -162,7 +171,8 @@ def _weld(points: Floats, faces: Ints, topo: Topology, warnings: list[str]) -> t
     defect = np.abs(angle_sums(points, welded)[inside] - 2 * np.pi)
     if after > before or (len(inside) and np.median(defect) > 0.2):  # noise leaves 0.1, a cone of 1 in 5 leaves 0.2
         return None, topo
-    warnings.append(f"{len(border) - len(first):,} points in the place of another were welded to it")
+    count = len(border) - len(first)
+    warnings.append(Diagnostic("points-welded", f"{count:,} points in the place of another were welded to it"))
     return weld, trial
 
 
@@ -173,7 +183,7 @@ def _disks_short(faces: Ints, topo: Topology) -> int:
     return pieces - (used - len(topo.edges) + len(faces))
 
 
-def _without_dust(vectors: Floats, piece: Ints, warnings: list[str]) -> Bools:
+def _without_dust(vectors: Floats, piece: Ints, warnings: list[Diagnostic]) -> Bools:
     """Which faces belong to pieces worth keeping."""
     area = np.bincount(piece, np.linalg.norm(vectors, axis=1))
     small = area < DUST * area.sum()
@@ -184,7 +194,8 @@ def _without_dust(vectors: Floats, piece: Ints, warnings: list[str]) -> Bools:
         )
     if small.any():
         share = 100 * area[small].sum() / area.sum()
-        warnings.append(f"{small.sum():,} small loose pieces ({share:.2g} % of the area) were left out")
+        sentence = f"{small.sum():,} small loose pieces ({share:.2g} % of the area) were left out"
+        warnings.append(Diagnostic("small-pieces-removed", sentence))
     return np.asarray(~small[piece])
 
 
@@ -195,7 +206,13 @@ def _per_corner(scan: Scan, welded: bool) -> Floats | None:
 
 
 def _printed_side_up(
-    points: Floats, faces: Ints, piece: Ints, turned: Bools, photo_xy: Floats | None, rows: Ints, warnings: list[str]
+    points: Floats,
+    faces: Ints,
+    piece: Ints,
+    turned: Bools,
+    photo_xy: Floats | None,
+    rows: Ints,
+    warnings: list[Diagnostic],
 ) -> Bools:
     """Decide for every piece which of its two windings is seen from the printed side.
 
@@ -213,13 +230,15 @@ def _printed_side_up(
         by_photo = np.bincount(piece, sign * seen)
         against = np.sign(by_photo) * np.sign(vote) < 0
         if against.any():
-            warnings.append("the faces run clockwise seen from the side of the photo; they were turned over")
+            sentence = "the faces run clockwise seen from the side of the photo; they were turned over"
+            warnings.append(Diagnostic("faces-clockwise", sentence))
         vote = np.where(by_photo != 0, by_photo, vote)
     turned = turned ^ (vote < 0)[piece]
     minority = min(area[turned].sum(), area[~turned].sum())
     if minority > 0:
         count = min(turned.sum(), (~turned).sum())
-        warnings.append(f"{count:,} faces ran the other way round than their neighbours and were turned over")
+        sentence = f"{count:,} faces ran the other way round than their neighbours and were turned over"
+        warnings.append(Diagnostic("faces-turned", sentence))
     return np.asarray(turned)
 
 
@@ -233,7 +252,7 @@ def _assemble(
     photo_xy: Floats | None,
     weld: Ints | None,
     topo: Topology | None,
-    warnings: list[str],
+    warnings: list[Diagnostic],
 ) -> PreparedScan:
     points = scan.mesh.points
     new = faces[rows]
@@ -247,8 +266,11 @@ def _assemble(
     shared = len(origin) - np.count_nonzero(mesh_rows >= 0)
     if shared:
         warnings.append(
-            f"{shared:,} points are where pieces touch in a point only; they lie with one piece, and in the flat mesh "
-            "the faces of the other are drawn out to them"
+            Diagnostic(
+                "pieces-touch",
+                f"{shared:,} points are where pieces touch in a point only; they lie with one piece, and in the flat "
+                "mesh the faces of the other are drawn out to them",
+            )
         )
     if weld is not None:
         mesh_rows = mesh_rows[weld]
@@ -256,7 +278,10 @@ def _assemble(
     loose = int((mesh_rows < 0).sum())
     if loose:
         warnings.append(
-            f"{loose:,} points belong to no face of the sheet; they were laid beside their nearest neighbour"
+            Diagnostic(
+                "points-loose",
+                f"{loose:,} points belong to no face of the sheet; they were laid beside their nearest neighbour",
+            )
         )
     if photo_xy is not None and photo_xy.ndim == 2:
         photo_xy = photo_xy[origin]
@@ -268,7 +293,8 @@ def _assemble(
             "the surface is closed, without a border; a sheet of paper has one, so cut the mesh open first"
         )
     if pieces > 1:
-        warnings.append(f"the scan is in {pieces} pieces; each is flattened, and all are laid on one page")
+        sentence = f"the scan is in {pieces} pieces; each is flattened, and all are laid on one page"
+        warnings.append(Diagnostic("several-pieces", sentence))
     repaired = Scan(mesh, scan.photo, photo_xy, scan.camera, scan.icc, scan.others)
     return PreparedScan(source, repaired, topo, mesh_rows, pieces, max(loops - pieces, 0), tuple(warnings))
 

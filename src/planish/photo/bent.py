@@ -105,8 +105,8 @@ def from_borders(
     top, right, bottom, left = best.place[evidence.sides]
     if not (left < right and top < bottom):
         raise InputError(
-            "the outline on the photo does not fit any sheet of paper; photograph it from the front, or try --shape "
-            "text-lines"
+            "the outline on the photo does not fit any sheet of paper",
+            "photograph it from the front, or try {shape=text-lines}",
         )
     return with_shift(best, evidence, np.array([left, top]), np.array([right, bottom]), bordered=True)
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from planish.photo.bent import Bent, extrapolated_share, rms
 from planish.photo.lines import TextLines
-from planish.types import Bools, PhotoReport
+from planish.types import Bools, Diagnostic, PhotoReport
 
 FOLDED = 0.25
 """Creases, in lengths of the page's shorter side, from which on a sheet is folded or crumpled: half of what an eye sees
@@ -24,7 +24,7 @@ MUCH = 0.25
 
 def account_of(
     bent: Bent, lines: TextLines | None, creases: float, scale: str, focal_from: str
-) -> tuple[PhotoReport, tuple[str, ...]]:
+) -> tuple[PhotoReport, tuple[Diagnostic, ...]]:
     """Report and warnings of a sheet.
 
     Parameters
@@ -83,32 +83,50 @@ def _sides_off(bent: Bent) -> float | None:
 
 def _warnings(
     before: float | None, after: float | None, sides: float | None, beyond: float, creases: float, scale: str
-) -> tuple[str, ...]:
-    said = []
+) -> tuple[Diagnostic, ...]:
+    found = []
     if scale == "unknown":
-        said.append(
-            "one photo does not tell how large the sheet is: all millimetres are guesses; give --paper or --width-mm"
+        found.append(
+            Diagnostic(
+                "size-unknown",
+                "one photo does not tell how large the sheet is: all millimetres are guesses",
+                "give {paper} or {width_mm}",
+            )
         )
-    cannot = "one photo cannot tell such a shape, so places between its lines and sides are rough; a 3D scan can"
+    cannot = "one photo cannot tell such a shape, so places between its lines and sides are rough"
+    scan = "make a 3D scan"
     if creases > FOLDED:
-        said.append(
-            f"the sheet is folded or crumpled: its paper shows creases {creases:.1f} times as long as its shorter side "
-            f"(edges of a large grey picture look the same); {cannot}"
+        found.append(
+            Diagnostic(
+                "sheet-folded",
+                f"the sheet is folded or crumpled: its paper shows creases {creases:.1f} times as long as its shorter "
+                f"side (edges of a large grey picture look the same); {cannot}",
+                scan,
+            )
         )
     elif (before or 0) > NOT_BENT_ONE_WAY:
-        said.append(f"the sheet is folded or crumpled, or its lines are not straight in print; {cannot}")
+        sentence = f"the sheet is folded or crumpled, or its lines are not straight in print; {cannot}"
+        found.append(Diagnostic("sheet-folded", sentence, scan))
     elif sides is not None and sides > SIDES_OFF:
-        said.append(
-            f"the sheet is bent in more than one direction: its sides fit no other sheet better than to "
-            f"{100 * sides:.1f} % of its length; {cannot}"
+        found.append(
+            Diagnostic(
+                "sides-bent",
+                f"the sheet is bent in more than one direction: its sides fit no other sheet better than to "
+                f"{100 * sides:.1f} % of its length; {cannot}",
+                scan,
+            )
         )
     if (after or 0) > LEFT_OVER:
-        said.append(f"lines of text stay crooked on the page, by {after:.2f} of their letters' height (rms)")
+        sentence = f"lines of text stay crooked on the page, by {after:.2f} of their letters' height (rms)"
+        found.append(Diagnostic("lines-crooked", sentence))
     if beyond > MUCH:
-        said.append(
-            f"{100 * beyond:.0f} % of the page lie beyond all that the shape was found from, and were extrapolated"
+        found.append(
+            Diagnostic(
+                "page-extrapolated",
+                f"{100 * beyond:.0f} % of the page lie beyond all that the shape was found from, and were extrapolated",
+            )
         )
-    return tuple(said)
+    return tuple(found)
 
 
 def _confidence(after: float | None, sides: float | None, shade: float | None, beyond: float, creases: float) -> str:

@@ -136,13 +136,15 @@ def _checked(off: Floats) -> float:
         raise InputError(
             f"only {100 * paper.mean():.0f} % of the sheet are blank paper as bright as a sheet bent in one direction "
             "would be; a folded or crumpled sheet, a shadow that falls on it, or print all over cannot be found from "
-            "shade: use --shape auto, or a 3D scan"
+            "shade",
+            "use {shape=auto}, or a 3D scan",
         )
     uneven = float(np.sqrt(np.mean(off[paper] ** 2)))
     if uneven > UNEVEN:
         raise InputError(
             f"the blank paper's brightness is {100 * uneven:.1f} % off that of a sheet bent in one direction (at most "
-            f"{100 * UNEVEN:.1f} % is good enough); is it folded, or is there a shadow? Use --shape auto, or a 3D scan"
+            f"{100 * UNEVEN:.1f} % is good enough): it may be folded, or lie in a shadow",
+            "use {shape=auto}, or a 3D scan",
         )
     return uneven
 

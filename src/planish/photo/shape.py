@@ -18,7 +18,7 @@ from planish.photo.rows import believable
 from planish.photo.shading import from_shading
 from planish.photo.surface import as_scan
 from planish.settings import PhotoSettings
-from planish.types import Floats, PhotoReport, Pixels, Scan
+from planish.types import Diagnostic, Floats, PhotoReport, Pixels, Scan
 
 USUAL_FOCAL = 0.8
 """Of the photo's long side, where the photo does not say: phones and small cameras, not zoomed, have 0.7 to 0.85."""
@@ -51,12 +51,12 @@ class PhotoShape:
     scan : Scan
         Its surface as a mesh, with the photo and its camera; `planish.restore` makes the page of it.
     report : PhotoReport
-    warnings : tuple of str
+    warnings : tuple of Diagnostic
     """
 
     scan: Scan
     report: PhotoReport
-    warnings: tuple[str, ...]
+    warnings: tuple[Diagnostic, ...]
 
 
 def find_shape(
@@ -129,8 +129,8 @@ def _bent(
         return from_borders(borders, lines, focal, centre, ratio=_ratio(borders, s))
     if s.paper != "unknown":
         raise UsageError(
-            "the size of the paper was given, but the photo does not show all borders of the sheet on a plain ground; "
-            "give --width-mm for the width of the part that is drawn, or photograph the whole sheet"
+            "the size of the paper was given, but the photo does not show all borders of the sheet on a plain ground",
+            "give {width_mm} for the width of the part that is drawn, or photograph the whole sheet",
         )
     if lines is None or len(lines.height) < FEWEST_LINES:
         found = "" if lines is None else f"; only {len(lines.height)} lines of text were found"

@@ -15,6 +15,7 @@ from planish.render import Rendered, missing_regions, photo_views, render_page
 from planish.report import build_report
 from planish.settings import Pages, RestoreSettings
 from planish.types import (
+    Diagnostic,
     Flattening,
     Page,
     PageReport,
@@ -130,26 +131,34 @@ def _draw(
     return flat, _Drawn(rendered, lit, binary, spine)
 
 
-def _warnings(drawn: _Drawn, pages: Pages) -> list[str]:
+def _warnings(drawn: _Drawn, pages: Pages) -> list[Diagnostic]:
     """What a user should know of the drawing stages."""
     if drawn.rendered is None:
         return []
     warnings = list(drawn.lit.fit.warnings) if drawn.lit else []
     spine = drawn.spine
     if spine is None:
-        return [*warnings, "no spine is plain on the sheet, so it stays one page"] if pages == "auto" else warnings
+        one = Diagnostic("gutter-not-found", "no spine is plain on the sheet, so it stays one page")
+        return [*warnings, one] if pages == "auto" else warnings
     if spine.found_by == "gutter":
         warnings.append(
-            "the surface shows no spine; the sheet was split in the widest upright gap of its print, "
-            f"{spine.x_mm:.0f} mm from the left"
+            Diagnostic(
+                "split-in-gap",
+                "the surface shows no spine; the sheet was split in the widest upright gap of its print, "
+                f"{spine.x_mm:.0f} mm from the left",
+            )
         )
     elif spine.found_by == "middle":
         warnings.append(
-            "the surface shows no spine and the print no gap; the sheet was split near its middle, "
-            f"{spine.x_mm:.0f} mm from the left"
+            Diagnostic(
+                "split-in-middle",
+                "the surface shows no spine and the print no gap; the sheet was split near its middle, "
+                f"{spine.x_mm:.0f} mm from the left",
+            )
         )
     if spine.crossed:
-        warnings.append("lines of print run across the place where the sheet was split")
+        sentence = "lines of print run across the place where the sheet was split"
+        warnings.append(Diagnostic("split-crosses-print", sentence))
     return warnings
 
 

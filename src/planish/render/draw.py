@@ -163,7 +163,7 @@ def _shape(size_mm: tuple[float, float], dpi: float, itemsize: int) -> tuple[int
             f"{page} has {rows * cols / 1e9:.1f} thousand million pixels, more than planish draws; is the scan's unit "
             "right?"
         )
-    check_memory(rows * cols * BYTES_PER_PIXEL[itemsize], page, "lower --dpi")
+    check_memory(rows * cols * BYTES_PER_PIXEL[itemsize], page, "lower {dpi}")
     return rows, cols
 
 

@@ -14,6 +14,7 @@ from planish.report.measures import flipped_faces, stretch
 from planish.settings import RestoreSettings
 from planish.sticks import strain
 from planish.types import (
+    Diagnostic,
     Flattening,
     FlattenReport,
     Outcome,
@@ -39,7 +40,7 @@ def build_report(
     settings: RestoreSettings,
     shading: ShadingReport | None = None,
     spine: Spine | None = None,
-    warnings: Sequence[str] = (),
+    warnings: Sequence[Diagnostic] = (),
     seconds: dict[str, float],
 ) -> Report:
     """Measure a flattening and put together the report of a restoration.
@@ -56,7 +57,7 @@ def build_report(
         Where shading was removed.
     spine : Spine, optional
         Where the sheet was split.
-    warnings : sequence of str
+    warnings : sequence of Diagnostic
         Of the stages after flattening, in order.
     seconds : dict
         Per stage.
@@ -66,20 +67,25 @@ def build_report(
     flipped = flipped_faces(mesh.faces, flat.page_xy, mesh.points)
     lengths = distances(mesh.points, edges)
     lengths[~edges_with_area(lengths, prepared.topology.face_edges)] = 0.0
-    messages = [*prepared.warnings, *flat.warnings, *warnings]
+    found = [*prepared.warnings, *flat.warnings, *warnings]
     if flipped:
-        messages.append(
+        sentence = (
             f"{flipped:,} of {len(mesh.faces):,} faces lie on the page with their back up; the page is torn there"
         )
+        found.append(Diagnostic("faces-flipped", sentence))
     worst = int(np.argmax(flat.local_strain))
     if flat.local_strain[worst] > STRETCHED:
         x, y = flat.page_xy[worst]
-        messages.append(
-            f"the surface does not lie flat everywhere: around {x:.0f} mm from the left and {y:.0f} mm from the top of "
-            f"the page its edges are {100 * flat.local_strain[worst]:.1f} % (rms) from their lengths"
+        found.append(
+            Diagnostic(
+                "local-strain",
+                f"the surface does not lie flat everywhere: around {x:.0f} mm from the left and {y:.0f} mm from the "
+                f"top of the page its edges are {100 * flat.local_strain[worst]:.1f} % (rms) from their lengths",
+            )
         )
     if flat.overlaps:
-        messages.append(f"{flat.overlaps:,} faces lie over other parts of the page; what is under them is not seen")
+        sentence = f"{flat.overlaps:,} faces lie over other parts of the page; what is under them is not seen"
+        found.append(Diagnostic("faces-overlap", sentence))
     report = Report(
         version=__version__,
         outcome=flat.outcome.value,
@@ -110,7 +116,7 @@ def build_report(
             expected_error_mm=float(np.sqrt(np.mean(flat.error_mm**2))),
         ),
         page=page,
-        warnings=messages,
+        warnings=found,
         shading=shading,
         pages=_part_reports(flat.size_mm, spine) if page.dpi is not None else [],
         spine=spine,

@@ -232,7 +232,7 @@ def _notes(sheet: Sheet, done: Restoration, y: float) -> None:
     sheet.words((MARGIN, y), "Notes" if warnings else "No warnings", HEADING)
     sheet.rule(MARGIN, y + 16, INNER)
     y += 52
-    lines = [(k == 0, line) for said in warnings for k, line in enumerate(wrapped(said, SMALL, INNER - 30))]
+    lines = [(k == 0, line) for said in warnings for k, line in enumerate(wrapped(str(said), SMALL, INNER - 30))]
     for first, line in lines[:MOST_WARNINGS]:
         if first:
             sheet.dot(MARGIN + 8, y - 8, 4, SOFT)

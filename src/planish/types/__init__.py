@@ -4,6 +4,7 @@ Positions are (x, y[, z]) in millimetres; images are [row, col]. Arrays are read
 """
 
 from planish.types.arrays import Bools, Floats, Ints, Pixels, freeze
+from planish.types.diagnostic import Diagnostic
 from planish.types.page import Page, Restoration
 from planish.types.prepared import PreparedScan, Topology
 from planish.types.report import (
@@ -25,6 +26,7 @@ __all__ = [
     "Bools",
     "Camera",
     "Criterion",
+    "Diagnostic",
     "FlattenReport",
     "Flattening",
     "Floats",

@@ -138,7 +138,7 @@ class Restoration:
         return f"Restoration({width:.1f} x {height:.1f} mm, expected error {error:.3f} mm; {self.report.outcome})"
 
     def _repr_html_(self) -> str:
-        rows = [*summary(self.report), *(("note", sentence) for sentence in self.report.warnings)]
+        rows = [*summary(self.report), *(("note", str(warning)) for warning in self.report.warnings)]
         page = self.unshaded or self.rendered
         picture = html_picture(small_jpeg(page.pixels), "the restored page") if page else ""
         return f'<div style="display:flex;flex-wrap:wrap;gap:1.5em;align-items:start">{picture}{html_table(rows)}</div>'

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planish.types.arrays import Floats, Ints, freeze
+from planish.types.diagnostic import Diagnostic
 from planish.types.sheet import Mesh, Scan
 
 
@@ -54,7 +55,7 @@ class PreparedScan:
     mesh_rows : (n,) int32
         For every point of the source its row in `scan.mesh.points`; -1 where it was left out.
     pieces, holes : int
-    warnings : tuple of str
+    warnings : tuple of Diagnostic
         What was repaired, a sentence each.
     viewpoint : (3,) float64 [mm] or None
         Where the scanner's rays come from, if its errors lie along them.
@@ -68,7 +69,7 @@ class PreparedScan:
     mesh_rows: Ints
     pieces: int
     holes: int
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Diagnostic, ...] = ()
     viewpoint: Floats | None = None
     find_normals: Callable[[Mesh, Topology], NDArray[np.float32]] | None = None
 

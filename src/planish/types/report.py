@@ -1,11 +1,12 @@
-"""What is told of a restoration, in plain numbers and strings: `dataclasses.asdict` makes the JSON."""
+"""Quality reports: plain numbers and strings, as the JSON holds them."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Literal
+from dataclasses import asdict, dataclass, field
+from typing import Any, Literal
 
 from planish.settings import RestoreSettings
+from planish.types.diagnostic import Diagnostic
 
 
 @dataclass(frozen=True)
@@ -250,7 +251,7 @@ class GuidelineReport:
 
 @dataclass(frozen=True)
 class Report:
-    """An account of one restoration in plain numbers and sentences; `dataclasses.asdict` of it is the JSON.
+    """Quality report of one restoration, in plain numbers and sentences; `to_dict` gives what its JSON holds.
 
     Attributes
     ----------
@@ -264,8 +265,10 @@ class Report:
     scan : ScanReport
     flatten : FlattenReport
     page : PageReport
-    warnings : list of str
-        Sentences.
+    warnings : list of Diagnostic
+        In the JSON a list of their sentences.
+    warning_codes : list of str
+        Of the warnings, in the same order.
     shading : ShadingReport or None
         Where shade was removed.
     pages : list of PartReport
@@ -290,7 +293,7 @@ class Report:
     scan: ScanReport
     flatten: FlattenReport
     page: PageReport
-    warnings: list[str]
+    warnings: list[Diagnostic]
     shading: ShadingReport | None = None
     pages: list[PartReport] = field(default_factory=list)
     spine: Spine | None = None
@@ -298,3 +301,17 @@ class Report:
     photo: PhotoReport | None = None
     guideline: GuidelineReport | None = None
     settings: RestoreSettings | None = None
+
+    @property
+    def warning_codes(self) -> list[str]:
+        """Codes of the warnings, for programs."""
+        return [warning.code for warning in self.warnings]
+
+    def to_dict(self) -> dict[str, Any]:
+        """What the JSON holds: warnings as sentences, with settings named as in Python, and their codes beside them."""
+        plain: dict[str, Any] = {}
+        for name, value in asdict(self).items():
+            plain[name] = value
+            if name == "warnings":
+                plain |= {"warnings": [str(warning) for warning in self.warnings], "warning_codes": self.warning_codes}
+        return plain

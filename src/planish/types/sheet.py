@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planish.types.arrays import Bools, Floats, Ints, Pixels, freeze
+from planish.types.diagnostic import Diagnostic
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,7 +189,7 @@ class Flattening:
         Faces that lie over other parts of the page.
     passed_points : int
         That went through another layer of the sheet on the way down (verlet).
-    warnings : tuple of str
+    warnings : tuple of Diagnostic
     normals : (n, 3) float32 or None
         Of the bent sheet without the scanner's noise, where they were sought for all points.
     """
@@ -209,7 +210,7 @@ class Flattening:
     noise_mm: float | None = None
     overlaps: int = 0
     passed_points: int = 0
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Diagnostic, ...] = ()
     normals: NDArray[np.float32] | None = None
 
     def __post_init__(self) -> None:

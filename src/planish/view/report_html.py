@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from html import escape
 
 from planish.report import summary
-from planish.types import Outcome, Report, Restoration
+from planish.types import Diagnostic, Outcome, Report, Restoration
 from planish.view.fall_animation import FallAnimation
 
 METHODS = {"multigrid": "multigrid", "verlet": "the paper's particle system", "mass-spring": "the mass-spring system"}
@@ -82,8 +82,8 @@ def _sentences(report: Report) -> list[str]:
     return sentences
 
 
-def _warnings_list(warnings: Iterable[str]) -> str:
-    items = "".join(f"<li>{escape(_capitalized(warning))}</li>" for warning in warnings)
+def _warnings_list(warnings: Iterable[Diagnostic]) -> str:
+    items = "".join(f"<li>{escape(_capitalized(str(warning)))}</li>" for warning in warnings)
     return f'<h3>Warnings</h3><ul class="notes">{items}</ul>' if items else "<p>There are no warnings.</p>"
 
 

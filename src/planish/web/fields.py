@@ -11,6 +11,7 @@ from docstring_parser import parse
 from pydantic import TypeAdapter, ValidationError
 
 from planish.errors import UsageError
+from planish.hints import as_field
 from planish.settings import RestoreSettings, Units
 from planish.web.problems import HTTPProblem
 from planish.web.restore_upload import Format
@@ -96,7 +97,7 @@ def read_fields(values: Mapping[str, str]) -> FormSettings:
     try:
         settings = _replace_values(RestoreSettings(), (), notify)
     except UsageError as problem:
-        raise HTTPProblem(422, str(problem)) from None
+        raise HTTPProblem(422, problem.message(as_field)) from None
     units, view, formats = (
         _value(field, values[name]) if name in values else field.default
         for name, field in known_fields().items()

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from planish.errors import PlanishError
+from planish.hints import as_field
 from planish.settings import RestoreSettings, Units
 
 Format = Literal["tif", "png", "jpg", "pdf"]
@@ -90,14 +91,14 @@ def restore_upload(
     try:
         result = run(job, progress)
     except PlanishError as problem:
-        raise type(problem)(str(problem).replace(f"{out}/", "")) from None
+        raise type(problem)(problem.sentence.replace(f"{out}/", ""), problem.hint) from None
     _preview(out)
     files = sorted(path.name for path in out.iterdir())
     _fsync_all(out, files)
     return {
         "settled": result.report.settled,
         "outcome": result.report.outcome,
-        "warnings": result.report.warnings,
+        "warnings": [warning.message(as_field) for warning in result.report.warnings],
         "figures": summary(result.report),
         "files": files,
     }

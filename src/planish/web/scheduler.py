@@ -11,6 +11,8 @@ from collections.abc import Callable
 from pathlib import Path
 from time import time
 
+from planish.errors import PlanishError
+from planish.hints import as_field
 from planish.job.worker import InternalError, Limits, StoppedError, WorkerDiedError, preload_workers, run_in_subprocess
 from planish.settings import ServeSettings
 from planish.web.fields import read_fields
@@ -179,7 +181,7 @@ class Scheduler:
                 return False
             self.store.fail(row.id, str(error))
         except Exception as error:
-            self.store.fail(row.id, str(error))
+            self.store.fail(row.id, error.message(as_field) if isinstance(error, PlanishError) else str(error))
             if isinstance(error, InternalError):
                 _log.error("%s\n%s", error, error.trace)
         shutil.rmtree(job_folder / "in", ignore_errors=True)  # uploads are not kept

@@ -13,7 +13,7 @@ from planish.acquire.calibration.boards import FEWEST, Board, corner_places, fin
 from planish.acquire.structured_light.gray_code import Grey
 from planish.acquire.structured_light.scan import located
 from planish.errors import InputError
-from planish.types import Camera, Floats
+from planish.types import Camera, Diagnostic, Floats
 
 FEWEST_PHOTOS = 4
 
@@ -46,7 +46,7 @@ class Calibration:
         Rotation and translation [mm] of the board in each photo, into the device's frame.
     corners : list of (k, 2) float64 [px]
         As found.
-    warnings : tuple of str
+    warnings : tuple of Diagnostic
     """
 
     camera: Camera
@@ -55,7 +55,7 @@ class Calibration:
     focal_sd: float
     poses: list[tuple[Floats, Floats]]
     corners: list[Floats]
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Diagnostic, ...] = ()
 
 
 def calibrate_camera(
@@ -88,7 +88,7 @@ def calibrate_camera(
             f"{len(photos)} photos; at least {FEWEST_PHOTOS}, and better 10 or more, are wanted. Is it sharp, and are "
             "the numbers of its squares right?"
         )
-    warnings = [f"the board was not found in {', '.join(lost)}"] if lost else []
+    warnings = [Diagnostic("board-not-found", f"the board was not found in {', '.join(lost)}")] if lost else []
     places = [corner_places(board)[rows_of] for rows_of, _ in seen]
     return _calibrated(places, [xy for _, xy in seen], photos[0].shape, warnings)[0]
 
@@ -127,7 +127,7 @@ def calibrate_projector(
         try:
             code = located(frames, shape_rc).place
         except InputError as problem:
-            raise InputError(f"pose {k + 1}: {problem}") from None
+            raise InputError(f"pose {k + 1}: {problem.sentence}", problem.hint) from None
         found = find_corners(board, _eight_bit(frames[-2]))
         lit = None if found is None else _on_projector(code, found[1], _square_px(found, board))
         if found is None or lit is None or np.isfinite(lit[:, 0]).sum() < FEWEST:
@@ -142,13 +142,13 @@ def calibrate_projector(
             f"the board was found, and lit by the projector, in {len(places)} of {len(captures)} poses; at least "
             f"{FEWEST_PHOTOS} are wanted. Is it in the view of both, and are the numbers of its squares right?"
         )
-    warnings = [f"the board was not found in pose {', '.join(lost)}"] if lost else []
+    warnings = [Diagnostic("board-not-found", f"the board was not found in pose {', '.join(lost)}")] if lost else []
     alone, kept = _calibrated(places, on_projector, shape_rc, warnings)
     return _beside(camera, alone, [places[k] for k in kept], [on_camera[k] for k in kept])
 
 
 def _calibrated(
-    places: list[Floats], corners: list[Floats], shape_rc: tuple[int, ...], warnings: list[str]
+    places: list[Floats], corners: list[Floats], shape_rc: tuple[int, ...], warnings: list[Diagnostic]
 ) -> tuple[Calibration, list[int]]:
     """Calibrate from corners, leave out photos that do not fit the others, and refuse what is not certain.
 
@@ -160,7 +160,8 @@ def _calibrated(
     kept = list(range(len(places)))
     odd = result.errors_px > max(ODD_PX * float(np.median(result.errors_px)), 1.0)
     if odd.any() and (~odd).sum() >= FEWEST_PHOTOS:
-        warnings = [*warnings, f"{odd.sum()} photos do not fit the others and were left out; was the board bent there?"]
+        sentence = f"{odd.sum()} photos do not fit the others and were left out; was the board bent there?"
+        warnings = [*warnings, Diagnostic("photos-do-not-fit", sentence)]
         kept = [k for k in kept if not odd[k]]
         result = _solve([places[k] for k in kept], [corners[k] for k in kept], shape_rc)
     normals = np.array([rotation[:, 2] for rotation, _ in result.poses])

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from planish.acquire.laser.stripes import Direction
-from planish.types import Floats
+from planish.types import Diagnostic, Floats
 
 
 class Sweep(NamedTuple):
@@ -16,10 +16,10 @@ class Sweep(NamedTuple):
     at, sd : (frames, count, lines) float32 [px]
         Place and its standard deviation; NaN where no line was found.
     along : {"rows", "columns"}
-    warnings : list of str
+    warnings : list of Diagnostic
     """
 
     at: Floats
     sd: Floats
     along: Direction
-    warnings: list[str]
+    warnings: list[Diagnostic]

@@ -21,7 +21,7 @@ from planish.document.sheet_outline import sheet_mask
 from planish.errors import InputError
 from planish.geometry import project
 from planish.geometry.triangulation import meet_plane, rays
-from planish.types import Bools, Camera, Floats, Pixels, Scan
+from planish.types import Bools, Camera, Diagnostic, Floats, Pixels, Scan
 
 POINTS = 300_000
 """Of the scan, about: the profile is known much finer than it bends."""
@@ -257,7 +257,10 @@ def from_laser_lines(
         )
     upper, lower = points_of(two_lines(lit, photo), camera, planes)
     cylinder = cylinder_of(upper, lower, camera)
-    warnings = [] if photo is not None else ["no laser-off photo was given, so the laser lines stay on the page"]
+    warnings = []
+    if photo is None:
+        sentence = "no laser-off photo was given, so the laser lines stay on the page"
+        warnings.append(Diagnostic("laser-on-page", sentence))
     shown = lit if photo is None else photo
     sheet, said = sheet_mask(shown, mask)
     rows, cols = camera.shape_rc

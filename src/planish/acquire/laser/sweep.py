@@ -18,7 +18,7 @@ from planish.document.sheet_outline import sheet_mask
 from planish.errors import InputError
 from planish.geometry import depths, project
 from planish.geometry.triangulation import meet_plane, rays
-from planish.types import Bools, Camera, Floats, Pixels, Scan
+from planish.types import Bools, Camera, Diagnostic, Floats, Pixels, Scan
 
 ENOUGH = 500
 """Rows, or columns, to tell the lines' direction from."""
@@ -87,7 +87,7 @@ def sweep_stripes(
         found[:, k] = stripes.at, stripes.sd
         clipped[k] = stripes.clipped_share
         tell("laser", (k + 1) / len(names))
-    warnings: list[str] = []
+    warnings: list[Diagnostic] = []
     _check_exposure(clipped, names, warnings)  # first: a line that is clipped all over is not found
     _check_seen(found[0], names, warnings)
     return Sweep(found[0], found[1], along, warnings)
@@ -278,7 +278,7 @@ def _check_camera(photo: Pixels, camera: Camera) -> None:
         )
 
 
-def _check_seen(at: Floats, names: list[str], warnings: list[str]) -> None:
+def _check_seen(at: Floats, names: list[str], warnings: list[Diagnostic]) -> None:
     blind = np.flatnonzero(np.isfinite(at).all(axis=2).mean(axis=1) < SEEN_SHARE)
     if len(blind) > len(names) / 2:
         raise InputError(
@@ -286,10 +286,11 @@ def _check_seen(at: Floats, names: list[str], warnings: list[str]) -> None:
             "stand out from the laser-off photo; is the laser on, the room dark enough, and the number of lines right?"
         )
     if len(blind):
-        warnings.append(f"no laser line is seen in {len(blind)} of {len(names)} photos: {_some(blind, names)}")
+        sentence = f"no laser line is seen in {len(blind)} of {len(names)} photos: {_some(blind, names)}"
+        warnings.append(Diagnostic("laser-not-seen", sentence))
 
 
-def _check_exposure(clipped: Floats, names: list[str], warnings: list[str]) -> None:
+def _check_exposure(clipped: Floats, names: list[str], warnings: list[Diagnostic]) -> None:
     share = float(np.median(clipped))
     if share > TOO_CLIPPED:
         raise InputError(
@@ -299,8 +300,11 @@ def _check_exposure(clipped: Floats, names: list[str], warnings: list[str]) -> N
         )
     if share > CLIPPED_MUCH:
         warnings.append(
-            f"{100 * share:.0f} % of the laser line's pixels are as bright as the camera can tell; a shorter exposure "
-            "would place it better"
+            Diagnostic(
+                "laser-overexposed",
+                f"{100 * share:.0f} % of the laser line's pixels are as bright as the camera can tell",
+                "expose for a shorter time to place the line better",
+            )
         )
 
 

@@ -15,7 +15,7 @@ from planish.acquire.range_image.grid import plausible_origin
 from planish.document.sheet_outline import sheet_mask
 from planish.errors import InputError
 from planish.geometry import project
-from planish.types import Bools, Camera, Floats, Pixels, Scan
+from planish.types import Bools, Camera, Diagnostic, Floats, Pixels, Scan
 
 FEWEST = 500
 """Points that a sheet must have: fewer do not even show a fold."""
@@ -116,7 +116,7 @@ def _spacing(points: Floats) -> float:
 
 def _printed_side(
     points: Floats, normals: Floats | None, camera: Camera | None, seen_from: Floats | None
-) -> tuple[Floats, list[str]]:
+) -> tuple[Floats, list[Diagnostic]]:
     """For each point a direction towards the printed side, and what is to be said of it."""
     if seen_from is None and camera is not None:
         seen_from = -camera.rotation.T @ np.ravel(camera.translation)
@@ -127,10 +127,12 @@ def _printed_side(
     origin = plausible_origin(points)
     if origin is not None:
         return origin - points, []
-    told = (
-        "nothing tells which side is printed, so it was taken to be the one towards +z; if the page comes out mirrored"
+    guessed = Diagnostic(
+        "printed-side-guessed",
+        "nothing tells which side is printed, so it was taken to be the one towards +z",
+        "give {seen_from} if the page comes out mirrored",
     )
-    return np.tile([0.0, 0.0, 1.0], (len(points), 1)), [f"{told}, say --seen-from"]
+    return np.tile([0.0, 0.0, 1.0], (len(points), 1)), [guessed]
 
 
 def _confidence(vertices: Floats, points: Floats) -> Floats:

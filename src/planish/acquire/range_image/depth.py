@@ -228,7 +228,8 @@ def _photo_camera(camera: Camera, photo: Pixels, photo_camera: Camera | None) ->
     if abs(down / across - 1) > 0.01:
         raise InputError(
             f"the photo is {_size(shape)} pixels and the depth maps {_size(camera.shape_rc)}: it is not registered to "
-            "them; give the photo's own camera with --photo-camera"
+            "them",
+            "give the photo's own camera with {photo_camera}",
         )
     matrix = camera.matrix.copy()
     for k, factor in enumerate((across, down)):

@@ -10,7 +10,7 @@ from planish.acquire.range_image.depth import check_photo_size, flying_pixels, o
 from planish.document.sheet_outline import sheet_mask
 from planish.errors import InputError
 from planish.geometry import project
-from planish.types import Bools, Camera, Floats, Pixels, Scan
+from planish.types import Bools, Camera, Diagnostic, Floats, Pixels, Scan
 
 CLOSEST = 0.3
 """The origin is taken for the scanner's place if it is farther from all points than this part of their extent..."""
@@ -81,7 +81,7 @@ def from_grid(
     xy = _photo_places(points, pixel_xy, photo, photo_camera)
     far = relative[..., -1]
     keep = known & ~flying_pixels(far, [np.full(far.shape, max(STEEPEST / 2 * pitch, 4 * noise))] * 2)
-    warnings: list[str] = []
+    warnings: list[Diagnostic] = []
     if photo is not None:
         sheet, warnings = sheet_mask(photo, mask)
         if sheet is not None:
@@ -170,6 +170,7 @@ def _photo_places(points: Floats, pixel_xy: Floats, photo: Pixels | None, camera
     if abs(down / across - 1) > 0.01:
         raise InputError(
             f"the photo is {photo.shape[1]} x {photo.shape[0]} pixels and the range image {cols} x {rows}: it is not "
-            "registered to it; give the photo's own camera with --camera"
+            "registered to it",
+            "give the photo's own camera with {camera}",
         )
     return np.asarray((pixel_xy + 0.5) * [across, down] - 0.5)

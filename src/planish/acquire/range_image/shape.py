@@ -41,8 +41,8 @@ def grid_shape(points: Floats, told: tuple[int, int] | None, asked: tuple[int, i
         found = recognised_shape(points)
         if found is None:
             raise InputError(
-                f"the {len(points):,} points stand in no order of rows and columns; give --size if they are a range "
-                "image, or use `planish acquire points`, which takes points in any order"
+                f"the {len(points):,} points stand in no order of rows and columns",
+                "give {size} if they are a range image, or use `planish acquire points`, which takes any order",
             )
         return found
     rows, cols = wanted

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from planish.acquire.structured_light.gray_code import Grey, bits_for, bright_end, frame_count, lit_mask
 from planish.errors import InputError
-from planish.types import Bools
+from planish.types import Bools, Diagnostic
 
 SEEN = 0.01
 """The projector must light at least this part of the photo."""
@@ -41,7 +41,7 @@ LOOK = 160
 """Rows and columns of the thinned-out photos on which all this is seen, about."""
 
 
-def check_frames(frames: Grey, shape_rc: tuple[int, int]) -> list[str]:
+def check_frames(frames: Grey, shape_rc: tuple[int, int]) -> list[Diagnostic]:
     """Refuse photos that cannot be decoded, with a sentence that says which are to blame.
 
     Parameters
@@ -52,8 +52,7 @@ def check_frames(frames: Grey, shape_rc: tuple[int, int]) -> list[str]:
 
     Returns
     -------
-    list of str
-        What a user should know all the same.
+    list of Diagnostic
 
     Raises
     ------
@@ -78,7 +77,7 @@ def check_frames(frames: Grey, shape_rc: tuple[int, int]) -> list[str]:
     return warnings
 
 
-def _check_light(frames: Grey) -> list[str]:
+def _check_light(frames: Grey) -> list[Diagnostic]:
     lit = lit_mask(frames)
     share = float(lit.mean())
     if share < SEEN:
@@ -98,7 +97,8 @@ def _check_light(frames: Grey) -> list[str]:
             "one); expose for less, until no part of the sheet is clipped"
         )
     if frames.dtype == np.uint8 and clipped > 0.02:
-        return [f"{100 * clipped:.0f} % of what the projector lights is overexposed; points there are less exact"]
+        sentence = f"{100 * clipped:.0f} % of what the projector lights is overexposed; points there are less exact"
+        return [Diagnostic("projector-overexposed", sentence)]
     return []
 
 

@@ -137,15 +137,16 @@ def check_fit(camera: Camera, projector: Camera, camera_xy: Floats, code_xy: Flo
         plain = PLAIN[np.argmin(np.abs(np.log(PLAIN / best)))]
         factor = float(plain) if abs(plain / best - 1) < 0.03 else best
         remedy = (
-            f"if its resolution was that much higher, say --projector-scale {factor:.3g}"
+            f"give {{projector_scale={factor:.3g}}} if its resolution was that much higher"
             if axes.all()
-            else "were the patterns stretched? Show them at the resolution that the projector was calibrated at"
+            else "show the patterns at the resolution that the projector was calibrated at, not stretched"
         )
         planes = f", and the flattest part of the view is {flat_there:.2g} mm off a plane instead of {flat:.2g}"
         raise InputError(
             f"the projector's calibration does not fit the code: rays miss each other by {here:.1f} pixels, but by "
             f"{miss:.1f} if its {said} are taken to be {factor:.3g} times as fine as those of the code"
-            f"{planes if flat_there < flat else ''}; {remedy}"
+            f"{planes if flat_there < flat else ''}",
+            remedy,
         )
     if here <= GOOD_PX:
         return here

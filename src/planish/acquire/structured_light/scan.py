@@ -15,7 +15,7 @@ from planish.acquire.structured_light.projector import TRUE_PX, check_fit, coars
 from planish.acquire.structured_light.sub_code import refined
 from planish.document.sheet_outline import sheet_mask
 from planish.errors import InputError, UsageError
-from planish.types import Bools, Camera, Floats, Pixels, Scan
+from planish.types import Bools, Camera, Diagnostic, Floats, Pixels, Scan
 
 LOOK = 50
 """Rows and columns of pixels all over the view, about, that tell whether calibration and code belong together."""
@@ -33,12 +33,12 @@ class Located(NamedTuple):
         x right, y down, pixel centres at integers; NaN where it is not known.
     confidence : (rows, cols) float64
         From 0 to 1.
-    warnings : list of str
+    warnings : list of Diagnostic
     """
 
     place: Floats
     confidence: Floats
-    warnings: list[str]
+    warnings: list[Diagnostic]
 
 
 def from_gray_code(
@@ -84,8 +84,11 @@ def from_gray_code(
         points[~sheet] = np.nan
     if missed_px > TRUE_PX:
         warnings.append(
-            f"rays of camera and projector miss each other by {missed_px:.1f} pixels of the code (median; a good "
-            f"calibration has below {TRUE_PX:g}): sizes may be off by a percent or more"
+            Diagnostic(
+                "calibration-poor",
+                f"rays of camera and projector miss each other by {missed_px:.1f} pixels of the code (median; a good "
+                f"calibration has below {TRUE_PX:g}): sizes may be off by a percent or more",
+            )
         )
     noise_mm = _noise(points @ camera.rotation[2])
     mesh, pixel_xy = grid_mesh(points, camera, noise_mm=noise_mm)
@@ -123,8 +126,8 @@ def located(frames: Grey, shape_rc: tuple[int, int], where: Bools | None = None)
         if not (codes.column >= 0).any():
             raise InputError(
                 "no pixel's code could be read: the finest stripes, two pixels of the projector wide, must be seen; "
-                "are camera and projector in focus, and is the camera near enough? Else show waves as well (patterns "
-                "--phase-steps 8), with which stripes of 16 pixels are enough"
+                "are camera and projector in focus, and is the camera near enough?",
+                "if so, show waves as well (patterns with {phase_steps=8}), with which stripes of 16 pixels are enough",
             )
         return Located(refined(code, codes, shape_rc, where), codes.confidence, warnings)
     check_waves(code, waves, shape_rc)

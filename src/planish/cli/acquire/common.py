@@ -13,7 +13,7 @@ from planish.cli.options import Output, Quiet, check_files
 if TYPE_CHECKING:
     from planish.acquire.grid_mesh import Acquired
     from planish.io.filecloud import FileCloud
-    from planish.types import Bools, Camera, Pixels
+    from planish.types import Bools, Camera, Diagnostic, Pixels
 
 Mask = Annotated[str, Parameter(name="--mask")]
 
@@ -59,7 +59,7 @@ def sheet_mask(mask: str) -> Bools | str | None:
     return pixels[..., 0] > pixels.max() // 2
 
 
-def unit_of_cloud(cloud: FileCloud, units: str) -> tuple[float, list[str]]:
+def unit_of_cloud(cloud: FileCloud, units: str) -> tuple[float, list[Diagnostic]]:
     """Millimetres per unit of a point cloud, and warnings."""
     from planish.io.units import MM_PER_UNIT, decide_unit
 
@@ -69,7 +69,7 @@ def unit_of_cloud(cloud: FileCloud, units: str) -> tuple[float, list[str]]:
 
 def read_optional_photo(
     photo: Path | None, camera: Path | None, mm_per_unit: float
-) -> tuple[Pixels | None, Camera | None, list[str]]:
+) -> tuple[Pixels | None, Camera | None, list[Diagnostic]]:
     """Read the optional photo of a point cloud: pixels, camera, and warnings."""
     from planish.errors import UsageError
     from planish.io import read_camera, read_photo
@@ -102,11 +102,14 @@ def write_acquired(acquired: Acquired, files: ScanFiles) -> list[Path]:
     return written
 
 
-def print_scan_summary(acquired: Acquired, warnings: list[str], written: list[Path], *, quiet: bool) -> None:
+def print_scan_summary(acquired: Acquired, warnings: list[Diagnostic], written: list[Path], *, quiet: bool) -> None:
     """Print warnings to stderr, and a summary if stdout is a terminal."""
     import sys
 
     from rich.console import Console
+
+    from planish.hints import as_flag
+    from planish.types import Diagnostic
 
     if quiet:
         return
@@ -114,10 +117,14 @@ def print_scan_summary(acquired: Acquired, warnings: list[str], written: list[Pa
     if acquired.scan.photo is None:
         warnings = [
             *warnings,
-            "the scan has neither colours nor a photo: use `planish flatten`, or `planish restore` with --photo",
+            Diagnostic(
+                "scan-without-photo",
+                "the scan has neither colours nor a photo",
+                "use `planish flatten`, or `planish restore` with {photo}",
+            ),
         ]
     for warning in [*warnings, *acquired.warnings]:
-        errors.print(f"planish: note: {warning}")
+        errors.print(f"planish: note: {warning.message(as_flag)}")
     if sys.stdout.isatty():
         mesh = acquired.scan.mesh
         print(f"{len(mesh.points):,} points, {len(mesh.faces):,} faces, noise {acquired.noise_mm:.3f} mm")

@@ -26,6 +26,7 @@ def write_calibration(
     from rich.console import Console
 
     from planish.acquire.calibration.poses import poses_picture
+    from planish.hints import as_flag
     from planish.io import write_json, write_page
     from planish.io.cameras import camera_as_json
     from planish.types import Page
@@ -43,7 +44,7 @@ def write_calibration(
         return
     errors = Console(stderr=True, highlight=False, soft_wrap=True, markup=False)
     for warning in calibration.warnings:
-        errors.print(f"planish: note: {warning}")
+        errors.print(f"planish: note: {warning.message(as_flag)}")
     if sys.stdout.isatty():
         print(note)
         print("each photo, px:", *(f"{error:.2f}" for error in calibration.errors_px))
