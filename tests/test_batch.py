@@ -387,7 +387,7 @@ def test_what_is_said_when_asked(folder, restored, capsys):
         (["--jobs", "2", "--dask", "tcp://localhost:1"], 2, "give only one of them"),
         (["--timeout", "0"], 2, "--timeout must be greater than 0"),
         (["--dask", "nowhere"], 3, "no Dask scheduler answers at nowhere"),
-        (["--pdfa"], 2, "--pdfa is for PDF"),
+        (["--pdfa"], 2, "PDF/A is for PDF"),
     ],
 )
 @pytest.mark.filterwarnings("default")  # Dask's own

@@ -105,4 +105,4 @@ def test_a_page_that_does_not_fit(only, dtype, per_pixel):
     size = (100.0, 200.0)
     page_xy = scan.mesh.points[:, :2] * [1, -1] + [0, 280]
     need = per_pixel * 787 * 394  # at 100 dpi
-    refused_and_taken(only, need, lambda: draw(scan, page_xy, size, RenderSettings(dpi=100.0)), "lower --dpi")
+    refused_and_taken(only, need, lambda: draw(scan, page_xy, size, RenderSettings(dpi=100.0)), "lower dpi")
