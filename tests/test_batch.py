@@ -21,6 +21,7 @@ from planish.io import write_json
 from planish.job import JobResult, run
 from planish.job.worker import LimitError, WorkerDiedError
 from planish.settings import BatchFiles, BinarizeSettings, RenderSettings, RestoreSettings
+from planish.types import Diagnostic
 from small_scans import SynchronousPool, digests, write_small_scan
 
 OPTIONS = BatchOptions(settings=RestoreSettings(render=RenderSettings(dpi=30.0), rotate="0"))
@@ -265,10 +266,10 @@ def test_an_output_that_is_a_file_is_refused(folder):
 
 
 def test_an_order_that_contradicts_itself_is_refused_before_work(folder, restored):
-    with pytest.raises(UsageError, match="--pdfa is for PDF"):
+    with pytest.raises(UsageError, match="PDF/A is for PDF"):
         restore_all(folder, options=replace(OPTIONS, pdfa=True))
     settings = replace(OPTIONS.settings, binarize=BinarizeSettings(binarize="none"))
-    with pytest.raises(UsageError, match="--binarize none"):
+    with pytest.raises(UsageError, match="binarization is none; name a method with binarize"):
         restore_all(folder, options=BatchOptions(settings=settings, files=BatchFiles(binary=True)))
     assert restored == []
 
