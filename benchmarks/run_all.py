@@ -122,6 +122,12 @@ SECTIONS = {
         "noise in all directions 0.071 mm is what the points themselves are off along the sheet.",
         "--points 100000 300000 --peers LSCM",
     ),
+    "sensitivity": (
+        "What hangs on each threshold",
+        "Every constant that something is compared with, halved and doubled, one at a time. Those with which nothing "
+        "changes are not tuned to these sheets. Where half or twice spoils a sheet, the value is tuned, and the comment "
+        "beside it must say what it rests on.",
+    ),
     "random_sheets": (
         "Ten thousand random sheets",
         "None ended without an answer, with a place that is not finite, or with a flipped face or an overlap that the "

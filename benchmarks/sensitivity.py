@@ -35,8 +35,17 @@ Seen = dict[str, float | str]
 Case = Callable[[], Seen]
 
 SETTINGS = RestoreSettings(render=RenderSettings(dpi=120.0), pages="auto")
-LEAST = {"rms": 0.002, "size": 0.01, "turn": 0.1, "spine": 0.3, "shade": 0.5, "outline": 0.2}
-"""Smaller changes are not told: in mm, %, degrees, mm, % and % of the photo."""
+LEAST = {
+    "rms": 0.002,
+    "size": 0.01,
+    "turn": 0.1,
+    "spine": 0.3,
+    "shade": 0.5,
+    "outline": 0.2,
+    "creases": 0.05,
+    "straightness": 0.002,
+}
+"""Smaller changes are not told: in mm, %, degrees, mm, %, % of the photo, widths of the page, heights of a letter."""
 MESHES = ("book", "wave", "letter", "spread", "miura", "crumpled", "curl")
 NOISES = {"": {}, ", noise": {"noise_mm": 0.07}, ", ripple": {"noise_mm": 0.1, "noise_correlation_px": 3.0}}
 
@@ -115,7 +124,8 @@ def outline(photo: np.ndarray) -> Seen:
 
 def from_photo(photo: np.ndarray) -> Seen:
     shape = find_shape(photo)
-    return {"found by": getattr(shape.report, "found_by", ""), "notes": notes(shape.warnings)}
+    seen: Seen = {"shape": shape.report.shape, "notes": notes(shape.warnings), "creases": shape.report.creases}
+    return seen | ({"straightness": shape.report.straightness} if shape.report.straightness else {})
 
 
 def notes(warnings: object) -> str:
