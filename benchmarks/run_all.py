@@ -125,7 +125,7 @@ SECTIONS = {
     "sensitivity": (
         "What hangs on each threshold",
         "Every constant that something is compared with, halved and doubled, one at a time. Those with which nothing "
-        "changes are not tuned to these sheets. Where half or twice spoils a sheet, the value is tuned, and the comment "
+        "changes are not tuned to these sheets. Where half or twice spoils a sheet, the value is tuned: the comment "
         "beside it must say what it rests on.",
     ),
     "random_sheets": (
