@@ -13,7 +13,7 @@ from captures import DATA
 from planish.acquire.structured_light.frames import check_frames
 from planish.acquire.structured_light.gray_code import Codes, bits_for, decode, frame_count, patterns
 from planish.acquire.structured_light.projector import check_fit, coarser, points_and_misses
-from planish.acquire.structured_light.scan import from_gray_code
+from planish.acquire.structured_light.scan import from_gray_code, located
 from planish.acquire.structured_light.sub_code import refined
 from planish.cli.main import run
 from planish.errors import InputError, UsageError
@@ -90,6 +90,23 @@ def test_the_book_page_is_true_to_a_twentieth_of_a_millimetre(rig, capture, trut
     assert np.sqrt(np.mean(np.sort(np.abs(error[on_sheet]))[: int(0.99 * on_sheet.sum())] ** 2)) < 0.05
     area = np.isfinite(truth[0].page_xy[..., 0]).sum()
     assert len(made.scan.mesh.points) > 0.97 * area  # ink does not tear holes
+
+
+@pytest.mark.parametrize("unresolved", [1, 2])
+def test_stripes_too_fine_for_the_camera_leave_no_holes(capture, truth, unresolved):
+    """The finest rows are grey with some noise, as a camera sees them that does not resolve them."""
+    blurred, end = capture.frames.copy(), len(capture.frames) - 2
+    rng = np.random.default_rng(3)
+    for k in range(end - 2 * unresolved, end, 2):
+        grey = blurred[k : k + 2].astype(float).mean(axis=0)
+        blurred[k : k + 2] = np.clip(np.rint(grey + rng.normal(0, 2, (2, *grey.shape))), 0, 255)
+    on_page = np.isfinite(truth[0].page_xy[..., 0])
+    result = located(blurred, PROJECTOR)
+    assert any("does not resolve the projector's finest rows" in warning for warning in result.warnings)
+    known = np.isfinite(result.place).all(axis=2)
+    assert known[on_page].mean() > 0.97  # as with all bits; read as if resolved, a third of the pixels was lost
+    error = np.abs(result.place - truth[1])[on_page & known]
+    assert np.median(error[:, 1]) < 0.1  # crossings two or four times as far apart, of the same exactness each
 
 
 def test_without_refining_there_are_terraces(rig, capture, truth):

@@ -89,7 +89,7 @@ def patterns(shape_rc: tuple[int, int]) -> Iterator[NDArray[np.uint8]]:
     yield np.zeros((rows, cols), np.uint8)
 
 
-def decode(frames: Grey, shape_rc: tuple[int, int], *, unread: int = 0) -> Codes:
+def decode(frames: Grey, shape_rc: tuple[int, int], *, unread: int | tuple[int, int] = 0) -> Codes:
     """Read the code at every pixel of the camera.
 
     Parameters
@@ -98,8 +98,8 @@ def decode(frames: Grey, shape_rc: tuple[int, int], *, unread: int = 0) -> Codes
         Grey, in the order of `patterns`.
     shape_rc : (int, int)
         Rows and columns of the projector.
-    unread : int
-        So many of the lowest bits are not looked at: columns and rows then count 2^unread pixels each.
+    unread : int or (int, int)
+        Number of the lowest bits that are ignored, of columns and of rows: these then count 2^unread pixels each.
 
     Examples
     --------
@@ -111,10 +111,11 @@ def decode(frames: Grey, shape_rc: tuple[int, int], *, unread: int = 0) -> Codes
     flat = frames.reshape(len(frames), -1)
     number = np.empty((2, rows * cols), np.int32)
     confidence = np.empty(rows * cols)
+    of_column, of_row = (unread, unread) if isinstance(unread, int) else unread
     bits = bits_for(shape_rc[1]), bits_for(shape_rc[0])
     least = LIT * bright_end(frames)
     with thread_pool() as parallel_for:
-        sizes = bits[0], bits[1], unread, shape_rc[1], shape_rc[0]
+        sizes = bits[0], bits[1], of_column, of_row, shape_rc[1], shape_rc[0]
         parallel_for(_decode, rows * cols, flat, *sizes, least, number, confidence, block=1 << 12)
     return Codes(number[0].reshape(rows, cols), number[1].reshape(rows, cols), confidence.reshape(rows, cols))
 
@@ -125,7 +126,7 @@ def bright_end(frames: Grey) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _decode(first, last, frames, column_bits, row_bits, unread, columns, rows, least, number, confidence):  # type: ignore[no-untyped-def]
+def _decode(first, last, frames, column_bits, row_bits, of_column, of_row, columns, rows, least, number, confidence):  # type: ignore[no-untyped-def]
     count = last - first
     contrast, sure_column, sure_row = (
         np.empty(count, np.float32),
@@ -134,9 +135,9 @@ def _decode(first, last, frames, column_bits, row_bits, unread, columns, rows, l
     )
     for i in range(count):
         contrast[i] = np.float32(frames[-2, first + i]) - np.float32(frames[-1, first + i])
-    _number(first, count, frames, 0, column_bits - unread, contrast, number[0], sure_column)
-    _number(first, count, frames, 2 * column_bits, row_bits - unread, contrast, number[1], sure_row)
-    columns, rows = ((columns - 1) >> unread) + 1, ((rows - 1) >> unread) + 1
+    _number(first, count, frames, 0, column_bits - of_column, contrast, number[0], sure_column)
+    _number(first, count, frames, 2 * column_bits, row_bits - of_row, contrast, number[1], sure_row)
+    columns, rows = ((columns - 1) >> of_column) + 1, ((rows - 1) >> of_row) + 1
     for i in range(count):
         sure = min(sure_column[i], sure_row[i])
         read = contrast[i] >= least and sure >= SURE and number[0, first + i] < columns and number[1, first + i] < rows

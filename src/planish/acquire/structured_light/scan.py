@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planish.acquire.grid_mesh import Acquired, grid_mesh
-from planish.acquire.structured_light.frames import check_frames
+from planish.acquire.structured_light.frames import check_frames, unresolved_bits
 from planish.acquire.structured_light.gray_code import Grey, decode, frame_count
 from planish.acquire.structured_light.phase import phased, steps_among
 from planish.acquire.structured_light.phase_frames import check_count, check_waves
@@ -121,7 +121,8 @@ def located(frames: Grey, shape_rc: tuple[int, int], where: Bools | None = None)
         code, waves = np.concatenate([frames[:bits], frames[-2:]]), frames[bits:-2]
         assert len(waves) == 2 * steps
     warnings = check_frames(code, shape_rc)
-    codes = decode(code, shape_rc)
+    unread = unresolved_bits(code, shape_rc) if waves is None else (0, 0)
+    codes = decode(code, shape_rc, unread=unread)
     if waves is None:
         if not (codes.column >= 0).any():
             raise InputError(
@@ -129,7 +130,13 @@ def located(frames: Grey, shape_rc: tuple[int, int], where: Bools | None = None)
                 "are camera and projector in focus, and is the camera near enough?",
                 "if so, show waves as well (patterns with {phase_steps=8}), with which stripes of 16 pixels are enough",
             )
-        return Located(refined(code, codes, shape_rc, where), codes.confidence, warnings)
+        warnings += [
+            f"the camera does not resolve the projector's finest {name}, only stripes of {2 << bits} pixels and wider, "
+            "so places are less exact; focus, come nearer, or show waves as well"
+            for name, bits in zip(("columns", "rows"), unread, strict=True)
+            if bits
+        ]
+        return Located(refined(code, codes, shape_rc, where, unread=unread), codes.confidence, warnings)
     check_waves(code, waves, shape_rc)
     shown = phased(code, waves, shape_rc)
     confidence = np.where(shown.confidence > 0, shown.confidence, codes.confidence)

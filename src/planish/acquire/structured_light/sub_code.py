@@ -19,7 +19,8 @@ from planish.parallel import thread_pool
 from planish.types import Bools, Floats, Ints
 
 REACH = 4
-"""Crossings up to so many pixels away, along the rows and the columns, are fitted."""
+"""Crossings up to so many pixels away, along the rows and the columns, are fitted; twice as many where two bits are
+unresolved, so that four lines of crossings still lie within reach."""
 
 SPREAD = 2.0
 """Standard deviation of their weights, in pixels."""
@@ -49,6 +50,8 @@ def refined(
     shape_rc: tuple[int, int],
     where: Bools | None = None,
     waves: Phased | None = None,
+    *,
+    unread: tuple[int, int] = (0, 0),
 ) -> Floats:
     """Find the place on the projector that each camera pixel sees, to small parts of its pixel.
 
@@ -64,6 +67,8 @@ def refined(
         Pixels that are wanted; the others stay NaN.
     waves : Phased, optional
         What waves say besides.
+    unread : (int, int)
+        As `codes` was decoded with, of columns and of rows; (0, 0) beside waves.
 
     Returns
     -------
@@ -77,14 +82,18 @@ def refined(
     for axis, (code, start, bits) in enumerate(
         ((codes.column, 0, column_bits), (codes.row, 2 * column_bits, row_bits))
     ):
-        pair = frames[start : start + 2 * bits]
+        pair = frames[start : start + 2 * (bits - unread[axis])]
         at, value, weight = _crossings(pair, code, contrast)
         own = code.astype(np.float32)
         if waves is not None:
             value, weight = np.dstack([value, waves.place[..., axis]]), np.dstack([weight, waves.weight[..., axis]])
             own = np.where(waves.weight[..., axis] > 0, waves.place[..., axis], own)
+        wider = max(unread[axis], 1)
+        near = np.exp(-0.5 * (np.arange(REACH * wider + 1) / (SPREAD * wider)) ** 2)
         with thread_pool() as parallel_for:
-            parallel_for(_fit, len(code), wanted, own, at, value, weight, place[..., axis], block=16)
+            parallel_for(_fit, len(code), wanted, own, at, value, weight, near, place[..., axis], block=16)
+        side = 1 << unread[axis]  # projector pixels to one step of the code that was read
+        place[..., axis] = side * place[..., axis] + 0.5 * (side - 1)
     return place
 
 
@@ -137,8 +146,8 @@ def _cross(first, last, pairs, code, contrast, at, value, weight):  # type: igno
 
 
 @njit(cache=True, nogil=True)
-def _fit(first, last, wanted, own, at, value, weight, place):  # type: ignore[no-untyped-def]
-    near = np.exp(-0.5 * (np.arange(REACH + 1) / SPREAD) ** 2)
+def _fit(first, last, wanted, own, at, value, weight, near, place):  # type: ignore[no-untyped-def]
+    reach = len(near) - 1
     normal, right, term = np.empty((TERMS, TERMS)), np.empty(TERMS), np.empty(TERMS)
     for r in range(first, last):
         for q in range(own.shape[1]):
@@ -148,7 +157,7 @@ def _fit(first, last, wanted, own, at, value, weight, place):  # type: ignore[no
             if own[r, q] > -1.0:
                 found = _fit_at(r, q, float(own[r, q]), OFF, at, value, weight, near, term, normal, right)
             if np.isnan(found):  # not read, or misread
-                around = _enclosed(r, q, value, weight)
+                around = _enclosed(r, q, value, weight, reach)
                 if not np.isnan(around):
                     found = _fit_at(r, q, around, SPAN, at, value, weight, near, term, normal, right)
             place[r, q] = found
@@ -157,11 +166,11 @@ def _fit(first, last, wanted, own, at, value, weight, place):  # type: ignore[no
 @njit(cache=True, nogil=True)
 def _fit_at(r, q, about, off, at, value, weight, near, term, normal, right):  # type: ignore[no-untyped-def]
     """Value at a pixel of the surface through the crossings around it; NaN if it is farther than `off` from `about`."""
-    rows, cols = weight.shape[0], weight.shape[1]
+    rows, cols, reach = weight.shape[0], weight.shape[1], len(near) - 1
     normal[:], right[:] = 0.0, 0.0
     count = 0
-    for nr in range(max(r - REACH, 0), min(r + REACH + 1, rows)):
-        for nq in range(max(q - REACH, 0), min(q + REACH + 1, cols)):
+    for nr in range(max(r - reach, 0), min(r + reach + 1, rows)):
+        for nq in range(max(q - reach, 0), min(q + reach + 1, cols)):
             for way in range(weight.shape[2]):  # to the right, down, and at the pixel itself
                 if weight[nr, nq, way] <= 0.0:
                     continue
@@ -188,14 +197,14 @@ def _add(x, y, u, w, term, normal, right):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _enclosed(r, q, value, weight):  # type: ignore[no-untyped-def]
+def _enclosed(r, q, value, weight, reach):  # type: ignore[no-untyped-def]
     """Mean of the crossings around a pixel that is too dark to read, such as ink; NaN unless all are on one surface."""
     rows, cols = weight.shape[0], weight.shape[1]
     total, count = 0.0, 0
     low, high = np.inf, -np.inf
     quarters = 0
-    for nr in range(max(r - REACH, 0), min(r + REACH + 1, rows)):
-        for nq in range(max(q - REACH, 0), min(q + REACH + 1, cols)):
+    for nr in range(max(r - reach, 0), min(r + reach + 1, rows)):
+        for nq in range(max(q - reach, 0), min(q + reach + 1, cols)):
             for way in range(weight.shape[2]):
                 if weight[nr, nq, way] > 0.0:
                     total += value[nr, nq, way]
