@@ -102,11 +102,11 @@ def changed(report, **parts):
         (lambda at, report: (at / "report.json").write_text(changed(report, sources={})), "does not tell which files"),
         (
             lambda at, report: (at / "report.json").write_text(changed(report, settings={"pages": "7"})),
-            "does not know",
+            "does not know: pages is '7'; expected 1 or 2 or auto",
         ),
         (
             lambda at, report: (at / "report.json").write_text(changed(report, settings={"render": {"dpi": "many"}})),
-            "not those of this version",
+            "does not know: render.dpi is 'many'; expected a number or auto",
         ),
         (lambda at, report: (at / "scan.obj").unlink(), "which is not beside it"),
         (lambda at, report: (at / "scan.obj").write_text("v 0 0 0\n"), "is no longer the file"),

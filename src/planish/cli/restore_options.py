@@ -26,10 +26,10 @@ class RestoreOptions:
 
     Attributes
     ----------
-    flattening : FlattenSettings
-    drawing : RenderSettings
+    flatten : FlattenSettings
+    render : RenderSettings
     shading : ShadingSettings
-    binarizing : BinarizeSettings
+    binarize : BinarizeSettings
     rotate : {"auto", "0", "90", "180", "270"}
         auto: upright text; without text, portrait format with the photo's top up. A number: clockwise rotation in
         degrees from the orientation of the photo.
@@ -43,10 +43,10 @@ class RestoreOptions:
         extra planish[ocr].
     """
 
-    flattening: Annotated[FlattenSettings, Flags] = field(default_factory=FlattenSettings)
-    drawing: Annotated[RenderSettings, Flags] = field(default_factory=RenderSettings)
+    flatten: Annotated[FlattenSettings, Flags] = field(default_factory=FlattenSettings)
+    render: Annotated[RenderSettings, Flags] = field(default_factory=RenderSettings)
     shading: Annotated[ShadingSettings, Flags] = field(default_factory=ShadingSettings)
-    binarizing: Annotated[BinarizeSettings, Flags] = field(default_factory=BinarizeSettings)
+    binarize: Annotated[BinarizeSettings, Flags] = field(default_factory=BinarizeSettings)
     rotate: Rotation = "auto"
     pages: Pages = "1"
     pdfa: Annotated[bool, Parameter(negative="")] = False
@@ -54,11 +54,6 @@ class RestoreOptions:
 
     def settings(self) -> RestoreSettings:
         """Settings of the pipeline, without the options about files."""
-        return RestoreSettings(
-            flatten=self.flattening,
-            render=self.drawing,
-            shading=self.shading,
-            binarize=self.binarizing,
-            rotate=self.rotate,
-            pages=self.pages,
-        )
+        from planish.job.settings_codec import decode_settings
+
+        return decode_settings(RestoreSettings, self)

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
+from typing import Any, get_args
 
 from planish.errors import InputError, UsageError
 from planish.io import fingerprints
 from planish.io.files import is_tifxyz, read_bytes
+from planish.job.settings_codec import decode_settings
 from planish.settings import RestoreSettings, Units
-
-T = TypeVar("T")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,7 +65,7 @@ def inputs_from_report(result: Path) -> JobInputs:
         photo=tuple(path for path in others if path.suffix.lower() != ".json"),
         camera=tuple(path for path in others if path.suffix.lower() == ".json"),
         units=unit if unit in get_args(Units) else "auto",
-        settings=_decode(RestoreSettings, report.get("settings") or {}),
+        settings=_read_settings(result, report.get("settings") or {}),
         size_mm=(page["width_mm"], page["height_mm"]),
     )
 
@@ -103,17 +102,8 @@ def _find_sources(path: Path, report: Mapping[str, Any]) -> list[Path]:
     return paths
 
 
-def _decode(kind: type[T], plain: Mapping[str, Any]) -> T:
-    """Settings from their JSON; what an older or newer version does not know keeps its default."""
-    kinds = get_type_hints(kind)
-    given: dict[str, Any] = {}
-    for name in {f.name for f in fields(kind)} & set(plain):  # type: ignore[arg-type]
-        value, options = plain[name], get_args(kinds[name]) if get_origin(kinds[name]) is Literal else ()
-        if options and value not in options:
-            raise InputError(f"the report has {name} {value!r}, which this version of planish does not know")
-        nested = is_dataclass(kinds[name]) and isinstance(value, dict)
-        given[name] = _decode(kinds[name], value) if nested else value
+def _read_settings(path: Path, values: object) -> RestoreSettings:
     try:
-        return kind(**given)
-    except (TypeError, UsageError) as problem:
-        raise InputError(f"the settings in the report are not those of this version: {problem}") from None
+        return decode_settings(RestoreSettings, values)
+    except UsageError as problem:
+        raise InputError(f"{path} has settings that this version of planish does not know: {problem}") from None
