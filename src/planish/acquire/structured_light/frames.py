@@ -35,8 +35,8 @@ FEWEST_EDGES = 50
 """Of a bit, in the photo, to say anything about the lower ones."""
 
 MAX_UNRESOLVED = 2
-"""Finest bits of a code that may be unresolved. On a book page places are 0.003, 0.016 and 0.013 pixels off (median) with
-none, one and two; waves are for more."""
+"""Finest bits of a code that may be unresolved. On a book page places are 0.003, 0.016 and 0.013 pixels off (median)
+with none, one and two; waves are for more."""
 
 THIN = 4
 """Every so many rows and columns are looked through for edges."""

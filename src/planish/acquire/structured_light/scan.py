@@ -131,8 +131,12 @@ def located(frames: Grey, shape_rc: tuple[int, int], where: Bools | None = None)
                 "if so, show waves as well (patterns with {phase_steps=8}), with which stripes of 16 pixels are enough",
             )
         warnings += [
-            f"the camera does not resolve the projector's finest {name}, only stripes of {2 << bits} pixels and wider, "
-            "so places are less exact; focus, come nearer, or show waves as well"
+            Diagnostic(
+                "stripes-unresolved",
+                f"the camera does not resolve the projector's finest {name}, only stripes of {2 << bits} pixels and "
+                "wider, so places are less exact",
+                "focus, come nearer, or show waves as well",
+            )
             for name, bits in zip(("columns", "rows"), unread, strict=True)
             if bits
         ]
