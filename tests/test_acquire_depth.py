@@ -9,6 +9,7 @@ import pytest
 from planish.acquire.grid_mesh import grid_mesh
 from planish.acquire.picture import picture
 from planish.acquire.range_image.depth import averaged, back_projected, from_depth, without_flying_pixels
+from planish.acquire.range_image.steps import depth_step
 from planish.cli.main import run
 from planish.document.sheet_outline import find_sheet
 from planish.errors import InputError
@@ -186,3 +187,23 @@ def test_the_command_makes_a_scan_that_restore_takes_without_options(book, tmp_p
     # 1.35 mm a pixel here: the border's pixels saw the table too, and up to two of them on each side are left out
     assert made.width_mm - 5 < page["width_mm"] < made.width_mm + 1
     assert made.height_mm - 5 < page["height_mm"] < made.height_mm + 1
+
+
+@pytest.mark.parametrize(("step_mm", "told"), [(1.0, True), (0.1, False)])
+def test_depths_in_coarse_steps_are_told_and_their_noise_is_not_zero(step_mm, told):
+    """A sheet seen straight on, 0.2 mm of noise rounded to whole millimetres: most differences are exactly 0."""
+    camera = Camera(np.array([[300.0, 0, 79.5], [0, 300, 59.5], [0, 0, 1]]), np.eye(3), np.zeros(3), (120, 160))
+    rng = np.random.default_rng(5)
+    depth = 500.3 + rng.normal(0, 0.2, (120, 160)) + 0.01 * np.arange(160)
+    acquired = from_depth(
+        [np.rint(depth / step_mm) * step_mm], camera, np.full((120, 160, 3), 200, np.uint8), mask=None
+    )
+    assert ("depth-in-steps" in {warning.code for warning in acquired.warnings}) == told
+    # rounding adds step / sqrt(12) = 0.29 mm, and may take 0.2 mm of noise away altogether
+    assert 0.15 < acquired.noise_mm < 0.45
+
+
+def test_averaged_frames_have_no_steps():
+    rng = np.random.default_rng(6)
+    frames = [np.rint(500.3 + rng.normal(0, 1.0, (120, 160))) for _ in range(30)]
+    assert depth_step(np.mean(frames, axis=0)) < 0.05  # a thirtieth of a millimetre

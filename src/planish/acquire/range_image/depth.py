@@ -10,6 +10,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from planish.acquire.grid_mesh import STEEPEST, Acquired, grid_mesh
+from planish.acquire.range_image.steps import depth_step, step_warnings, with_rounding
 from planish.document.sheet_outline import sheet_mask
 from planish.errors import InputError
 from planish.geometry import project
@@ -58,10 +59,12 @@ def from_depth(
     stack = _stack(frames, camera)
     seen_from = _photo_camera(camera, photo, photo_camera)
     depth, agree = averaged(stack)
-    noise_mm = pixel_noise(depth)
+    step_mm = depth_step(depth)
+    noise_mm = with_rounding(pixel_noise(depth), step_mm)
     depth = without_flying_pixels(depth, camera, noise_mm)
     points = back_projected(camera, depth)
     sheet, warnings = sheet_mask(photo, mask)
+    warnings = [*warnings, *step_warnings(step_mm)]
     if sheet is not None:
         points = on_mask(points, seen_from, sheet)
     mesh, pixel_xy = grid_mesh(points, camera, noise_mm=noise_mm)

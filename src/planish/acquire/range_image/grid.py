@@ -7,6 +7,7 @@ from scipy import ndimage
 
 from planish.acquire.grid_mesh import NOISE_STEPS, STEEPEST, Acquired, joined
 from planish.acquire.range_image.depth import check_photo_size, flying_pixels, on_white, pixel_noise
+from planish.acquire.range_image.steps import depth_step, step_warnings, with_rounding
 from planish.document.sheet_outline import sheet_mask
 from planish.errors import InputError
 from planish.geometry import project
@@ -74,16 +75,18 @@ def from_grid(
             photo, mask = photo[:, ::-1], mask[:, ::-1] if isinstance(mask, np.ndarray) else mask
     relative, distance = _sight(points, known, eye)
     far, pitch = relative[..., -1], _pitch(relative[..., :-1])
-    noise = pixel_noise(far)
+    step_mm = 0.0 if eye is None else depth_step(np.abs(points[..., 2] - eye[2]))  # devices round along their axis
+    noise = with_rounding(pixel_noise(far), step_mm / distance)
     step = max(STEEPEST * pitch, NOISE_STEPS * noise)
     points, relative, known = _bridged(points, relative, known, step)
     pixel_xy = np.stack(np.meshgrid(*(np.arange(n, dtype=np.float64) for n in known.shape[::-1])), axis=-1)
     xy = _photo_places(points, pixel_xy, photo, photo_camera)
     far = relative[..., -1]
     keep = known & ~flying_pixels(far, [np.full(far.shape, max(STEEPEST / 2 * pitch, 4 * noise))] * 2)
-    warnings: list[Diagnostic] = []
+    warnings: list[Diagnostic] = step_warnings(step_mm)
     if photo is not None:
-        sheet, warnings = sheet_mask(photo, mask)
+        sheet, more = sheet_mask(photo, mask)
+        warnings += more
         if sheet is not None:
             keep &= on_white(xy.reshape(-1, 2), sheet).reshape(keep.shape)
     mesh, at = joined(points, keep, relative[keep], step)
