@@ -61,8 +61,8 @@ def test_a_scan_is_sent_followed_looked_at_and_removed(page, server, tmp_path):
     page.wait_for_selector("#done:visible")
     assert_faultless(page, tmp_path, "done")
     assert "lies flat on the plane" in page.inner_text("#outcome")
-    assert page.evaluate("[...document.querySelectorAll('#look img')].every(image => image.naturalWidth > 0)")
-    links = page.eval_on_selector_all("#files a, #look a", "links => links.map(link => link.href)")
+    assert page.evaluate("[...document.querySelectorAll('#preview img')].every(image => image.naturalWidth > 0)")
+    links = page.eval_on_selector_all("#files a, #preview a", "links => links.map(link => link.href)")
     assert len(links) >= 6
     assert {page.request.get(link).status for link in links} == {200}
     page.on("dialog", lambda dialog: dialog.accept())

@@ -68,7 +68,7 @@ def unpacked(text, dtype):
 
 def states_of(data):
     """Places [mm] of the points in every state, read as the page reads them."""
-    fall = data["fall"]
+    fall = data["animation"]
     moves = unpacked(fall["moves"], "<i2").reshape(fall["states"], fall["points"], 3)
     return np.cumsum(moves, axis=0, dtype=np.int16) * np.array(fall["step"]) + fall["low"]
 
@@ -131,12 +131,12 @@ def test_the_sheet_begins_as_it_was_scanned_and_ends_on_the_page(scan, done, doc
     truth = scan.mesh.points[nearest]
     # Its points were not moved against each other: off by rounding alone, of two ends.
     np.testing.assert_allclose(apart, np.linalg.norm(truth[one] - truth[other], axis=1), atol=0.02)
-    faces = unpacked(data["fall"]["faces"], "<u4")
+    faces = unpacked(data["animation"]["faces"], "<u4")
     assert set(np.unique(faces)) == set(range(len(bent)))
 
 
 def test_heights_fall_to_the_table(document):
-    heights = document.data["fall"]["heights"]
+    heights = document.data["animation"]["heights"]
     assert heights[0] == pytest.approx(states_of(document.data)[0, :, 2].max(), abs=0.5)  # noise of the scan
     assert heights[0] > 20
     assert heights[-1] == 0

@@ -105,7 +105,7 @@ def test_the_button_plays_it_to_the_end(program, made, motion):
     with opened(program, made, reduced_motion=motion) as page:
         page.locator("#play").press("Enter")
         assert page.locator("#play").inner_text() == "Pause"
-        page.wait_for_selector("#play:text-is('Again')")
+        page.wait_for_selector("#play:text-is('Replay')")
         assert page.locator("#step").input_value() == page.locator("#step").get_attribute("max")
 
 
@@ -187,4 +187,4 @@ def test_a_hostile_name_stays_a_name(program, tmp_path):
         assert page.title().startswith(name)
         assert page.locator("h1").inner_text() == name
         assert not page.overheard.complaints
-        assert page.locator("#surface option").all_inner_texts() == ["Strain", "Expected error", "Plain paper"]
+        assert page.locator("#surface option").all_inner_texts() == ["Strain", "Expected error", "Plain"]

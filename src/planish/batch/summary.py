@@ -98,7 +98,7 @@ def _html(folder: Path, rows: list[Row], notes: list[str], scans: Path | None) -
 
 
 def _header_cells() -> Iterator[str]:
-    for title, kind in (("Name", "name"), ("Status", "status"), ("What was found", "what")):
+    for title, kind in (("Name", "name"), ("Status", "status"), ("Messages", "what")):
         yield f'<th scope="col" class="{kind}"><button type="button">{title}</button></th>'
     for title, *_ in _NUMBER_COLUMNS:
         yield f'<th scope="col" class="number"><button type="button">{title}</button></th>'
@@ -122,13 +122,13 @@ def _row(folder: Path, row: Row, scans_folder: str) -> str:
 
 def _details_cell(row: Row, scans_folder: str) -> str:
     """Error or warnings of an item, without the folder of the scans, and links to its files."""
-    status_counts = escape(row.sentence.replace(scans_folder, "")) if row.status in ("failed", "not settled") else ""
+    messages = escape(row.sentence.replace(scans_folder, "")) if row.status in ("failed", "not settled") else ""
     if row.warnings:
-        status_counts += "".join(
-            f"<li>{escape(warning.replace(scans_folder, ''))}</li>" for warning in row.warnings
-        ).join(["<ul>", "</ul>"])
+        messages += "".join(f"<li>{escape(warning.replace(scans_folder, ''))}</li>" for warning in row.warnings).join(
+            ["<ul>", "</ul>"]
+        )
     links = " ".join(_link(row, name, escape(name)) for name in row.files if name != "preview.jpg")
-    return status_counts + (f"<p>{links}</p>" if links else "")
+    return messages + (f"<p>{links}</p>" if links else "")
 
 
 def _link(row: Row, file: str, shown: str) -> str:

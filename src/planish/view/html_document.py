@@ -107,7 +107,7 @@ def _page_data(
 ) -> dict[str, Any]:
     flat, spine = restoration.flattening, restoration.report.spine
     shown: list[dict[str, Any]] = [
-        {"kind": "picture", "name": p.name, "title": p.title, "said": p.description, "withMargin": p.with_margin}
+        {"kind": "picture", "name": p.name, "title": p.title, "description": p.description, "withMargin": p.with_margin}
         for p in pictures
     ]
     shown += [
@@ -115,7 +115,7 @@ def _page_data(
             "kind": "map",
             "name": m.name,
             "title": m.title,
-            "said": m.description,
+            "description": m.description,
             "unit": m.unit,
             "low": m.low,
             "high": m.high,
@@ -131,7 +131,7 @@ def _page_data(
         "spine": None if spine is None else spine.x_mm,
         "layers": shown,
         "colours": encode_array(coloured(np.arange(float(UNKNOWN))[None], 0, UNKNOWN - 1)),
-        "fall": _encode_animation(animation),
+        "animation": _encode_animation(animation),
     }
 
 
@@ -147,7 +147,7 @@ def _encode_animation(animation: FallAnimation) -> dict[str, Any]:
         "step": step.tolist(),
         "moves": encode_array(moves),
         "faces": encode_array(animation.faces.astype(np.uint32)),
-        "taken": animation.steps.tolist(),
+        "steps": animation.steps.tolist(),
         "heights": [round(float(top), 2) for top in animation.heights],
     }
 

@@ -1,14 +1,14 @@
-// The HTTP API, as this page uses it.
+// Client of the HTTP API.
 
 export class Refused extends Error {}
 
-/** Send a form; `tell` hears the share that has gone out. */
-export function send(form, tell, signal) {
+/** Upload a form; `report` is called with the fraction that has been sent. */
+export function send(form, report, signal) {
   return new Promise((resolve, reject) => {
-    const request = new XMLHttpRequest(); // fetch does not tell how much has been sent
+    const request = new XMLHttpRequest(); // fetch has no upload progress
     request.open("POST", "/api/jobs");
     request.responseType = "json";
-    request.upload.onprogress = (event) => event.lengthComputable && tell(event.loaded / event.total);
+    request.upload.onprogress = (event) => event.lengthComputable && report(event.loaded / event.total);
     request.onload = () => (request.status === 201 ? resolve(request.response) : reject(refusal(request)));
     request.onerror = () => reject(new Refused("The service cannot be reached, or it ended the upload."));
     request.onabort = () => reject(new DOMException("", "AbortError"));
@@ -21,7 +21,7 @@ function refusal(request) {
   return new Refused(request.response?.detail ?? `The service answered ${request.status}.`);
 }
 
-/** The service's state and limits; null where it cannot be reached. */
+/** State and limits of the service; null if it cannot be reached. */
 export async function health() {
   const response = await fetch("/api/health").catch(() => null);
   return response?.ok ? response.json() : null;
@@ -36,18 +36,18 @@ export function remove(id) {
   return fetch(`/api/jobs/${encodeURIComponent(id)}`, { method: "DELETE" });
 }
 
-/** Follow a job: `tell` gets it whenever there is news, null when it is gone. Returns what ends that. */
-export function follow(id, tell) {
+/** Follow a job: `report` is called with it on every change, with null if it does not exist. Returns a function to stop. */
+export function follow(id, report) {
   const source = new EventSource(`/api/jobs/${encodeURIComponent(id)}/events`);
   const end = () => source.close();
   source.onmessage = (event) => {
-    const told = JSON.parse(event.data);
-    if (told.state === "done" || told.state === "failed") end();
-    tell(told);
+    const state = JSON.parse(event.data);
+    if (state.state === "done" || state.state === "failed") end();
+    report(state);
   };
-  source.addEventListener("removed", () => { end(); tell(null); });
+  source.addEventListener("removed", () => { end(); report(null); });
   source.onerror = async () => { // reconnects by itself, but not after a 404
-    if (source.readyState === EventSource.CLOSED && (await job(id)) === null) tell(null);
+    if (source.readyState === EventSource.CLOSED && (await job(id)) === null) report(null);
   };
   return end;
 }

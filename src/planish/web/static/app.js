@@ -1,12 +1,12 @@
-// The page: files are chosen and sent, then a job is followed. The address holds the job, so that a reload finds it.
+// The page: choose and upload files, then follow the job. The URL fragment holds the job id, so that a reload finds it.
 
 import * as api from "./api.js";
-import { byId, done, element, failed, sending, size, turnTo, working } from "./show.js";
+import { byId, done, element, failed, sending, size, showSection, working } from "./show.js";
 
 const KEPT = "planish.jobs";
 const MOST_KEPT = 8;
 let chosen = [];
-let unfollow = () => {};
+let unsubscribe = () => {};
 let upload = null;
 let limits = null;
 
@@ -44,7 +44,7 @@ async function submit(event) {
   form.delete("scan");
   for (const file of chosen) form.append("scan", file, file.name);
   const bytes = [...form.values()].reduce((sum, value) => sum + (value.size ?? 0), 0);
-  if (limits && bytes > limits.upload_mb * 1e6) return refuse(`These are ${size(bytes)}; at most ${limits.upload_mb} MB are taken at once.`);
+  if (limits && bytes > limits.upload_mb * 1e6) return refuse(`The files have ${size(bytes)}; the limit is ${limits.upload_mb} MB.`);
   refuse("");
   const title = chosen[0].name;
   upload = new AbortController();
@@ -66,14 +66,14 @@ async function submit(event) {
 function show(job, id) {
   if (job === null) {
     keep(kept().filter((other) => other.id !== id));
-    failed("This scan", "It is not here any more: results are removed after a while.");
+    failed("This scan", "It no longer exists: results are deleted after a while.");
   } else if (job.state === "done") done(job);
   else if (job.state === "failed") failed(job.title, job.sentence);
   else working(job);
 }
 
 function start() {
-  turnTo("start");
+  showSection("start");
   const jobs = kept();
   byId("recent").hidden = jobs.length === 0;
   byId("recent").querySelector("ul").replaceChildren(...jobs.map(({ id, title }) => {
@@ -84,13 +84,13 @@ function start() {
 }
 
 async function route() {
-  unfollow();
-  unfollow = () => {};
+  unsubscribe();
+  unsubscribe = () => {};
   const id = named();
   if (!id) return start();
   const job = await api.job(id);
   if (job === null || job.state === "done" || job.state === "failed") return show(job, id);
-  unfollow = api.follow(id, (told) => show(told, id));
+  unsubscribe = api.follow(id, (state) => show(state, id));
 }
 
 function kept() {
@@ -98,13 +98,13 @@ function kept() {
 }
 
 function keep(jobs) {
-  try { localStorage.setItem(KEPT, JSON.stringify(jobs)); } catch { /* private windows may keep nothing */ }
+  try { localStorage.setItem(KEPT, JSON.stringify(jobs)); } catch { /* storage may be disabled in private windows */ }
 }
 
 async function leave() {
   if (upload) return upload.abort();
   const id = named();
-  unfollow();
+  unsubscribe();
   await api.remove(id);
   keep(kept().filter((other) => other.id !== id));
   location.hash = "";
@@ -125,6 +125,6 @@ const state = await api.health();
 if (state) {
   limits = state.limits;
   byId("version").textContent = `planish ${state.version}`;
-  byId("limits").textContent = `At most ${limits.upload_mb} MB at once; results are kept for ${limits.keep_hours} hours.`;
+  byId("limits").textContent = `At most ${limits.upload_mb} MB per scan; results are kept for ${limits.keep_hours} hours.`;
 }
 await route();

@@ -1,25 +1,25 @@
-// A job on the page: at work, done, failed.
+// Rendering of a job: running, done, failed.
 
 const STAGES = [
   ["read", "Reading"],
-  ["clean", "Cleaning the mesh"],
+  ["clean", "Repairing the mesh"],
   ["flatten", "Flattening"],
-  ["turn", "Turning the page"],
-  ["render", "Drawing the page"],
+  ["turn", "Orienting the page"],
+  ["render", "Rendering the page"],
   ["unshade", "Removing the shading"],
-  ["binarize", "Black and white"],
+  ["binarize", "Binarizing"],
   ["measure", "Measuring"],
   ["write", "Writing"],
 ];
 const WITHIN = { split: "turn", text: "measure", look: "write" };
 const FILES = {
-  "view.html": "Page to look at, HTML",
+  "view.html": "Interactive view, HTML",
   "page.tif": "Page, TIFF",
   "page.png": "Page, PNG",
   "page.jpg": "Page, JPEG",
   "page.pdf": "Page, PDF",
-  "page-bw.png": "Black and white, PNG",
-  "flat.obj": "Flat mesh, OBJ",
+  "page-bw.png": "Binarized page, PNG",
+  "flat.obj": "Flattened mesh, OBJ",
   "report.json": "Report, JSON",
 };
 const HIDDEN = new Set(["preview.jpg"]);
@@ -31,13 +31,13 @@ export function size(bytes) {
 }
 
 export function element(tag, text = "", attributes = {}) {
-  const made = Object.assign(document.createElement(tag), attributes);
-  if (text) made.textContent = text;
-  return made;
+  const created = Object.assign(document.createElement(tag), attributes);
+  if (text) created.textContent = text;
+  return created;
 }
 
-/** Show one of the four sections; the reader's place moves to its title. */
-export function turnTo(id, title) {
+/** Show one of the four sections, and move the focus to its heading. */
+export function showSection(id, title) {
   for (const section of document.querySelectorAll("main > section")) section.hidden = section.id !== id;
   const heading = byId(`${id}-title`);
   if (title) heading.textContent = title;
@@ -46,28 +46,28 @@ export function turnTo(id, title) {
   window.scrollTo(0, 0);
 }
 
-function say(text) {
+function setStatus(text) {
   const status = byId("status");
-  if (status.textContent !== text) status.textContent = text; // said aloud only when it changes
+  if (status.textContent !== text) status.textContent = text; // screen readers announce changes only
 }
 
 export function sending(title, share) {
-  if (byId("working").hidden) turnTo("working", title);
+  if (byId("working").hidden) showSection("working", title);
   byId("stages").replaceChildren();
   byId("bar").value = share;
-  say(share < 1 ? "Sending the files" : "Looking at the files");
+  setStatus(share < 1 ? "Uploading the files" : "Checking the files");
 }
 
 export function working(job) {
-  if (byId("working").hidden || byId("working-title").textContent !== job.title) turnTo("working", job.title);
+  if (byId("working").hidden || byId("working-title").textContent !== job.title) showSection("working", job.title);
   const stage = WITHIN[job.stage] ?? job.stage;
   const now = STAGES.findIndex(([name]) => name === stage);
   if (job.state === "queued") {
     byId("bar").removeAttribute("value");
-    say(job.ahead ? `Waiting: ${job.ahead} before this one` : "Waiting for a free place");
+    setStatus(job.ahead ? `Queued: ${job.ahead} before this one` : "Queued: next to start");
   } else {
     byId("bar").value = (Math.max(now, 0) + job.share * (now >= 0)) / STAGES.length;
-    say(now >= 0 ? STAGES[now][1] : "Beginning");
+    setStatus(now >= 0 ? STAGES[now][1] : "Starting");
   }
   const items = STAGES.map(([, words], k) => element("li", words, { className: k < now ? "past" : k === now ? "now" : "" }));
   if (now >= 0) items[now].setAttribute("aria-current", "step");
@@ -75,19 +75,19 @@ export function working(job) {
 }
 
 export function done(job) {
-  turnTo("done", job.title);
+  showSection("done", job.title);
   byId("outcome").textContent = job.outcome;
   byId("outcome").className = job.settled ? "" : "unsettled";
-  byId("look").replaceChildren(...look(job));
+  byId("preview").replaceChildren(...preview(job));
   const order = Object.keys(FILES);
   const place = (file) => order.indexOf(file.name.replace(/-\d\./, "."));
   const shown = job.files.filter((file) => !HIDDEN.has(file.name)).sort((a, b) => place(a) - place(b));
-  const all = link(job.all_files, "Everything, zip", shown.reduce((sum, file) => sum + file.bytes, 0), "whole");
+  const all = link(job.all_files, "All files, zip", shown.reduce((sum, file) => sum + file.bytes, 0), "whole");
   byId("files").replaceChildren(all, ...shown.map((file) => link(file.href, words(file.name), file.bytes)));
   byId("figures").replaceChildren(...job.figures.filter(({ what }) => what !== "outcome").flatMap(({ what, how_much }) => [element("dt", what), element("dd", how_much)]));
   byId("warnings").hidden = job.warnings.length === 0;
   byId("warnings").querySelector("ul").replaceChildren(...job.warnings.map((warning) => element("li", warning)));
-  byId("expires").textContent = `The results are removed on ${new Date(job.expires).toLocaleString(undefined, { dateStyle: "medium", timeStyle: "short" })}.`;
+  byId("expires").textContent = `The results are deleted on ${new Date(job.expires).toLocaleString(undefined, { dateStyle: "medium", timeStyle: "short" })}.`;
 }
 
 function words(name) {
@@ -103,15 +103,15 @@ function link(href, text, bytes, className = "") {
   return item;
 }
 
-function look(job) {
-  const preview = job.files.find((file) => file.name === "preview.jpg");
+function preview(job) {
+  const image = job.files.find((file) => file.name === "preview.jpg");
   const view = job.files.find((file) => file.name === "view.html");
-  const parts = preview ? [element("img", "", { src: preview.href, alt: `The restored page of ${job.title}` })] : [];
-  if (view) parts.unshift(element("a", "Look at it: in 3D, before and after, how true", { href: view.href, target: "_blank", rel: "noopener", className: "button" }));
+  const parts = image ? [element("img", "", { src: image.href, alt: `The restored page of ${job.title}` })] : [];
+  if (view) parts.unshift(element("a", "Open the interactive view", { href: view.href, target: "_blank", rel: "noopener", className: "button" }));
   return parts;
 }
 
 export function failed(title, sentence) {
-  turnTo("failed", `${title} could not be restored`);
+  showSection("failed", `${title} could not be restored`);
   byId("sentence").textContent = sentence;
 }

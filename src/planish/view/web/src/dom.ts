@@ -1,10 +1,10 @@
-/** Elements of the page, by the names that page.html gives them. */
+/** Helpers for elements of the page. */
 
 export function byId<T extends HTMLElement>(id: string): T {
   return document.getElementById(id) as T;
 }
 
-export function make<K extends keyof HTMLElementTagNameMap>(
+export function createElement<K extends keyof HTMLElementTagNameMap>(
   tag: K,
   className: string,
   text = "",
@@ -15,12 +15,12 @@ export function make<K extends keyof HTMLElementTagNameMap>(
   return element;
 }
 
-export function fill(select: HTMLSelectElement, options: { name: string; title: string }[], chosen: string): void {
+export function fillSelect(select: HTMLSelectElement, options: { name: string; title: string }[], chosen: string): void {
   select.replaceChildren(...options.map(({ name, title }) => new Option(title, name, false, name === chosen)));
 }
 
-/** A canvas made as large as it stands on the screen, with its pen in CSS pixels; null while it is not shown. */
-export function pen(canvas: HTMLCanvasElement): CanvasRenderingContext2D | null {
+/** 2D context in CSS pixels of a canvas resized to its displayed size; null if it is hidden. */
+export function context2d(canvas: HTMLCanvasElement): CanvasRenderingContext2D | null {
   const { clientWidth: width, clientHeight: height } = canvas;
   if (!width || !height) return null;
   const ratio = window.devicePixelRatio;

@@ -1,16 +1,16 @@
-import { readData, unpack, unpackFall, type Layer } from "./data";
-import { byId, fill, make } from "./dom";
-import { heatMap, type HeatMap } from "./maps";
-import { settle } from "./settle";
-import { space, type Cover, type Look, type Space } from "./space";
+import { readData, decodeArray, decodeAnimation, type Layer } from "./data";
+import { byId, fillSelect, createElement } from "./dom";
+import { heatMap, type HeatMap } from "./heat_map";
+import { animate } from "./animation";
+import { createScene, type Surface, type Direction, type SceneView } from "./scene";
 import { viewer } from "./viewer";
 
 const data = readData();
 const root = document.documentElement;
 
-/** The pictures stand in the page already; maps are painted here. */
-async function paintMaps(): Promise<Map<string, HeatMap>> {
-  const colours = new Uint8Array(await unpack(data.colours));
+/** Images are elements of the page already; maps are rendered here. */
+async function renderMaps(): Promise<Map<string, HeatMap>> {
+  const colours = new Uint8Array(await decodeArray(data.colours));
   const maps = new Map<string, HeatMap>();
   for (const layer of data.layers) if (layer.kind === "map") maps.set(layer.name, await heatMap(layer, colours));
   return maps;
@@ -22,7 +22,7 @@ function elementOf(layer: Layer, maps: Map<string, HeatMap>): HTMLElement {
   element.classList.toggle("with-margin", layer.kind === "picture" && layer.withMargin);
   if (layer.kind === "map") {
     element.setAttribute("role", "img");
-    element.setAttribute("aria-label", `Map: ${layer.said}`);
+    element.setAttribute("aria-label", `Map: ${layer.description}`);
     byId("paper").append(element);
   }
   return element;
@@ -35,7 +35,7 @@ function showPage(maps: Map<string, HeatMap>): () => void {
   byId("paper").style.setProperty("--inset-y", `${100 * insetY}%`);
   const elements = new Map(data.layers.map((layer) => [layer.name, elementOf(layer, maps)]));
   if (data.spine !== null) {
-    const spine = make("div", "spine");
+    const spine = createElement("div", "spine");
     spine.style.left = `${(100 * (data.margin + data.spine)) / (data.size[0] + 2 * data.margin)}%`;
     byId("paper").append(spine);
   }
@@ -47,18 +47,18 @@ function showPage(maps: Map<string, HeatMap>): () => void {
       return;
     }
     const values = [...maps.values()].map((map) => map.read(at[0] / data.size[0], at[1] / data.size[1]));
-    const place = `${at[0].toFixed(1)} mm from the left, ${at[1].toFixed(1)} mm from the top`;
-    reading.textContent = [place, ...values.filter((value) => value !== null)].join(" · ");
+    const position = `${at[0].toFixed(1)} mm from the left, ${at[1].toFixed(1)} mm from the top`;
+    reading.textContent = [position, ...values.filter((value) => value !== null)].join(" · ");
   });
   const [left, right] = [byId<HTMLSelectElement>("left"), byId<HTMLSelectElement>("right")];
   const names = data.layers.map((layer) => layer.name);
   const best = ["unshaded", "restored", names[names.length - 1]].find((name) => names.includes(name))!;
-  fill(left, data.layers, names[0]);
-  fill(right, data.layers, best);
+  fillSelect(left, data.layers, names[0]);
+  fillSelect(right, data.layers, best);
   const choose = () => {
     const titles = new Map(data.layers.map((layer) => [layer.name, layer.title]));
-    byId("left-said").textContent = titles.get(left.value)!;
-    byId("right-said").textContent = titles.get(right.value)!;
+    byId("left-label").textContent = titles.get(left.value)!;
+    byId("right-label").textContent = titles.get(right.value)!;
     const legends = [left.value, right.value].map((name) => maps.get(name)?.legend());
     showLegends("page-legend", left.value === right.value ? legends.slice(1) : legends);
     view.show(elements.get(left.value)!, elements.get(right.value)!);
@@ -73,11 +73,11 @@ function showLegends(id: string, legends: (HTMLElement | undefined)[]): void {
   byId(id).replaceChildren(...legends.filter((legend) => legend !== undefined));
 }
 
-async function showSpace(maps: Map<string, HeatMap>): Promise<Space | null> {
-  const fall = await unpackFall(data.fall);
-  let view: Space;
+async function showScene(maps: Map<string, HeatMap>): Promise<SceneView | null> {
+  const animation = await decodeAnimation(data.animation);
+  let view: SceneView;
   try {
-    view = space(byId("space"), fall, data.size);
+    view = createScene(byId("space"), animation, data.size);
   } catch {
     byId("space").hidden = true;
     byId("no-space").hidden = false;
@@ -86,26 +86,26 @@ async function showSpace(maps: Map<string, HeatMap>): Promise<Space | null> {
   }
   const select = byId<HTMLSelectElement>("surface");
   const photo = document.getElementById("picture-restored") as HTMLImageElement | null;
-  const choices = [...data.layers.filter((layer) => layer.kind === "map"), { name: "plain", title: "Plain paper" }];
-  if (photo) choices.unshift({ name: "photo", title: "Its photo" });
-  fill(select, choices, photo ? "photo" : "plain");
+  const choices = [...data.layers.filter((layer) => layer.kind === "map"), { name: "plain", title: "Plain" }];
+  if (photo) choices.unshift({ name: "photo", title: "Page" });
+  fillSelect(select, choices, photo ? "photo" : "plain");
   const choose = () => {
     const map = maps.get(select.value);
-    const cover: Cover = map ? { map: map.picture } : select.value === "photo" ? { picture: photo! } : null;
+    const surface: Surface = map ? { map: map.picture } : select.value === "photo" ? { picture: photo! } : null;
     showLegends("space-legend", map ? [map.legend()] : []);
-    view.cover(cover);
+    view.setSurface(surface);
   };
   select.addEventListener("change", choose);
-  for (const button of document.querySelectorAll<HTMLButtonElement>("[data-look]")) {
-    button.addEventListener("click", () => view.look(button.dataset.look as Look));
+  for (const button of document.querySelectorAll<HTMLButtonElement>("[data-view]")) {
+    button.addEventListener("click", () => view.viewFrom(button.dataset.view as Direction));
   }
   if (photo) await photo.decode();
-  settle(fall, view);
+  animate(animation, view);
   choose();
   return view;
 }
 
-function themes(changed: () => void): void {
+function watchTheme(changed: () => void): void {
   const select = byId<HTMLSelectElement>("theme");
   select.addEventListener("change", () => {
     if (select.value) root.dataset.theme = select.value;
@@ -117,10 +117,10 @@ function themes(changed: () => void): void {
 }
 
 async function main(): Promise<void> {
-  const maps = await paintMaps();
+  const maps = await renderMaps();
   const redraw = showPage(maps);
-  const sheet = await showSpace(maps);
-  themes(() => {
+  const sheet = await showScene(maps);
+  watchTheme(() => {
     redraw();
     sheet?.theme();
   });

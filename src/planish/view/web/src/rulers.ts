@@ -1,20 +1,20 @@
-/** Rulers in millimetres along the top and the left of the page. */
+/** Rulers in millimetres at the top and left of the page. */
 
-import { pen } from "./dom";
+import { context2d } from "./dom";
 
 const STEPS = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000];
 const LABEL_PX = 46;
 const TICK_PX = 4.5;
 
-/** Draws marks along one side: `zero` is where 0 mm lies and `scale` how many CSS pixels a millimetre takes. */
+/** Draws ticks along one side: `zero` is the position of 0 mm, `scale` is CSS pixels per millimetre. */
 export function drawRuler(canvas: HTMLCanvasElement, upright: boolean, zero: number, scale: number): void {
-  const context = pen(canvas);
+  const context = context2d(canvas);
   if (!context) return;
   const style = getComputedStyle(canvas);
   const length = upright ? canvas.clientHeight : canvas.clientWidth;
   const thick = upright ? canvas.clientWidth : canvas.clientHeight;
   const labelled = STEPS.find((step) => step * scale >= LABEL_PX) ?? STEPS[STEPS.length - 1];
-  const parts = [10, 5, 4, 2].find((count) => (labelled * scale) / count >= TICK_PX && tidy(labelled / count)) ?? 1;
+  const parts = [10, 5, 4, 2].find((count) => (labelled * scale) / count >= TICK_PX && isRoundStep(labelled / count)) ?? 1;
   const step = labelled / parts;
   context.strokeStyle = context.fillStyle = style.color;
   context.font = `11px ${style.fontFamily}`;
@@ -41,7 +41,7 @@ function label(context: CanvasRenderingContext2D, text: string, at: number, thic
   context.fillText(text, at - half, thick - 12);
 }
 
-/** Whether a step between marks is one that people count in. */
-function tidy(step: number): boolean {
+/** Whether a tick spacing is a round number. */
+function isRoundStep(step: number): boolean {
   return STEPS.some((known) => Math.abs(known - step) < 1e-9);
 }

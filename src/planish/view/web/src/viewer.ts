@@ -1,31 +1,31 @@
-/** The page: two layers with a wipe between them, zoomed and moved together, under rulers. */
+/** The page viewer: two layers with a wipe between them, zoomed and panned together, with rulers. */
 
 import { byId, clamp } from "./dom";
 import { drawRuler } from "./rulers";
 
-const CLOSEST = 12;
-const GRIP_PX = 22;
+const MAX_ZOOM = 12;
+const DIVIDER_GRAB_PX = 22;
 
 export interface Viewer {
   show(left: Element, right: Element): void;
   redraw(): void;
 }
 
-export interface Frame {
+export interface PageFrame {
   size: [number, number];
   margin: number;
   spine: number | null;
 }
 
-/** Calls `point` with the place under the pointer in mm, or null when it has left the page. */
-export function viewer(frame: Frame, layers: Element[], point: (at: [number, number] | null) => void): Viewer {
+/** Calls `point` with the position of the pointer in mm, or null outside of the page. */
+export function viewer(frame: PageFrame, layers: Element[], point: (at: [number, number] | null) => void): Viewer {
   const port = byId("window");
   const paper = byId("paper");
   const divider = byId("divider");
   const wipe = byId<HTMLInputElement>("wipe");
   const [width, height] = [frame.size[0] + 2 * frame.margin, frame.size[1] + 2 * frame.margin];
   let zoom = 1;
-  let middle: [number, number] = [width / 2, height / 2]; // of what is shown, in mm from the corner of the margin
+  let middle: [number, number] = [width / 2, height / 2]; // centre of the view, in mm from the corner of the margin
   let shown: [Element, Element] = [layers[0], layers[0]];
 
   const scale = () => zoom * Math.min(port.clientWidth / width, port.clientHeight / height);
@@ -60,7 +60,7 @@ export function viewer(frame: Frame, layers: Element[], point: (at: [number, num
     drawRuler(byId("ruler-y"), true, y + frame.margin * pixels, pixels);
   }
 
-  /** Cuts a layer at a share of the whole frame; the layer may be the page without the margin. */
+  /** Clips a layer at a fraction of the frame; the layer may be the page without margin. */
   function clip(layer: HTMLElement, share: number, isLeft: boolean): void {
     const inset = layer.classList.contains("with-margin") ? 0 : frame.margin / width;
     const own = clamp((share - inset) / (1 - 2 * inset), 0, 1) * 100;
@@ -69,7 +69,7 @@ export function viewer(frame: Frame, layers: Element[], point: (at: [number, num
 
   function zoomBy(factor: number, x = port.clientWidth / 2, y = port.clientHeight / 2): void {
     const before = scale();
-    zoom = clamp(zoom * factor, 1, CLOSEST);
+    zoom = clamp(zoom * factor, 1, MAX_ZOOM);
     const moved = 1 / before - 1 / scale();
     middle = [middle[0] + (x - port.clientWidth / 2) * moved, middle[1] + (y - port.clientHeight / 2) * moved];
     redraw();
@@ -91,12 +91,12 @@ export function viewer(frame: Frame, layers: Element[], point: (at: [number, num
     return at.every((value, k) => value >= 0 && value <= frame.size[k]) ? at : null;
   }
 
-  listenToPointers(port, { zoomBy, moveBy, wipeTo, cutAt: () => (Number(wipe.value) / 100) * port.clientWidth }, (at) =>
+  handlePointers(port, { zoomBy, moveBy, wipeTo, cutAt: () => (Number(wipe.value) / 100) * port.clientWidth }, (at) =>
     point(at && placeAt(...at)),
   );
   port.addEventListener("keydown", (event) => {
     const step = 40;
-    const acts: Record<string, () => void> = {
+    const handlers: Record<string, () => void> = {
       ArrowLeft: () => moveBy(step, 0),
       ArrowRight: () => moveBy(-step, 0),
       ArrowUp: () => moveBy(0, step),
@@ -104,17 +104,17 @@ export function viewer(frame: Frame, layers: Element[], point: (at: [number, num
       "+": () => zoomBy(1.4),
       "=": () => zoomBy(1.4),
       "-": () => zoomBy(1 / 1.4),
-      "0": () => zoomBy(1 / CLOSEST),
+      "0": () => zoomBy(1 / MAX_ZOOM),
     };
-    const act = event.ctrlKey || event.metaKey || event.altKey ? undefined : acts[event.key];
-    if (!act) return;
+    const handler = event.ctrlKey || event.metaKey || event.altKey ? undefined : handlers[event.key];
+    if (!handler) return;
     event.preventDefault();
-    act();
+    handler();
   });
   wipe.addEventListener("input", redraw);
   byId("closer").addEventListener("click", () => zoomBy(1.6));
   byId("farther").addEventListener("click", () => zoomBy(1 / 1.6));
-  byId("whole").addEventListener("click", () => zoomBy(1 / CLOSEST));
+  byId("whole").addEventListener("click", () => zoomBy(1 / MAX_ZOOM));
   new ResizeObserver(redraw).observe(port);
 
   return {
@@ -126,15 +126,15 @@ export function viewer(frame: Frame, layers: Element[], point: (at: [number, num
   };
 }
 
-interface Moves {
+interface PointerActions {
   zoomBy(factor: number, x: number, y: number): void;
   moveBy(dx: number, dy: number): void;
   wipeTo(x: number): void;
   cutAt(): number;
 }
 
-/** One finger or the mouse moves the page, or the divider if it began there; two fingers or the wheel zoom. */
-function listenToPointers(port: HTMLElement, moves: Moves, point: (at: [number, number] | null) => void): void {
+/** One finger or the mouse pans the page, or moves the divider if it starts there; two fingers or the wheel zoom. */
+function handlePointers(port: HTMLElement, actions: PointerActions, point: (at: [number, number] | null) => void): void {
   const down = new Map<number, [number, number]>();
   let wiping = false;
   const local = (event: MouseEvent): [number, number] => {
@@ -144,7 +144,7 @@ function listenToPointers(port: HTMLElement, moves: Moves, point: (at: [number, 
 
   port.addEventListener("pointerdown", (event) => {
     const at = local(event);
-    if (!down.size) wiping = Math.abs(at[0] - moves.cutAt()) < GRIP_PX || !port.classList.contains("zoomed");
+    if (!down.size) wiping = Math.abs(at[0] - actions.cutAt()) < DIVIDER_GRAB_PX || !port.classList.contains("zoomed");
     down.set(event.pointerId, at);
     port.setPointerCapture(event.pointerId);
     point(at);
@@ -156,10 +156,10 @@ function listenToPointers(port: HTMLElement, moves: Moves, point: (at: [number, 
     const other = [...down].find(([id]) => id !== event.pointerId)?.[1];
     if (other) {
       const middle = [(at[0] + other[0]) / 2, (at[1] + other[1]) / 2];
-      moves.zoomBy(distance(at, other) / Math.max(distance(before, other), 1), middle[0], middle[1]);
-      moves.moveBy((at[0] - before[0]) / 2, (at[1] - before[1]) / 2);
-    } else if (wiping) moves.wipeTo(clamp(at[0], 0, port.clientWidth));
-    else moves.moveBy(at[0] - before[0], at[1] - before[1]);
+      actions.zoomBy(distance(at, other) / Math.max(distance(before, other), 1), middle[0], middle[1]);
+      actions.moveBy((at[0] - before[0]) / 2, (at[1] - before[1]) / 2);
+    } else if (wiping) actions.wipeTo(clamp(at[0], 0, port.clientWidth));
+    else actions.moveBy(at[0] - before[0], at[1] - before[1]);
     down.set(event.pointerId, at);
   });
   for (const name of ["pointerup", "pointercancel"] as const) {
@@ -169,10 +169,10 @@ function listenToPointers(port: HTMLElement, moves: Moves, point: (at: [number, 
   port.addEventListener(
     "wheel",
     (event) => {
-      // Without the key the page scrolls, unless the reader is at work here.
+      // Without Ctrl the page scrolls, unless the viewer has the focus.
       if (!event.ctrlKey && document.activeElement !== port) return;
       event.preventDefault();
-      moves.zoomBy(Math.exp(-event.deltaY / 300), ...local(event));
+      actions.zoomBy(Math.exp(-event.deltaY / 300), ...local(event));
     },
     { passive: false },
   );

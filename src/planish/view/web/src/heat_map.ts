@@ -1,36 +1,36 @@
-/** Maps over the page: values as colours, the scale beside them, and the value at a place. */
+/** Heat maps of the page: colours, legend, and the value at a position. */
 
-import { make } from "./dom";
-import { unpack, type MapLayer } from "./data";
+import { createElement } from "./dom";
+import { decodeArray, type MapLayer } from "./data";
 
 const UNKNOWN = 255;
 
 export interface HeatMap {
   layer: MapLayer;
   picture: HTMLCanvasElement;
-  /** The scale, made anew. */
+  /** A new legend element. */
   legend(): HTMLElement;
-  /** What the map says at a place, in parts of the page's width and height. */
+  /** Formatted value at a position, given as fractions of width and height of the page. */
   read(x: number, y: number): string | null;
 }
 
 export async function heatMap(layer: MapLayer, colours: Uint8Array): Promise<HeatMap> {
-  const values = new Uint8Array(await unpack(layer.values));
+  const values = new Uint8Array(await decodeArray(layer.values));
   return {
     layer,
-    picture: painted(values, layer.rows, layer.cols, colours),
+    picture: renderMap(values, layer.rows, layer.cols, colours),
     legend: () => legend(layer, colours),
     read(x, y) {
       const row = Math.floor(y * layer.rows);
       const col = Math.floor(x * layer.cols);
       if (row < 0 || col < 0 || row >= layer.rows || col >= layer.cols) return null;
       const value = values[row * layer.cols + col];
-      return value === UNKNOWN ? null : inWords(layer, value);
+      return value === UNKNOWN ? null : formatValue(layer, value);
     },
   };
 }
 
-function inWords(layer: MapLayer, code: number): string {
+function formatValue(layer: MapLayer, code: number): string {
   const range = layer.high - layer.low;
   const value = layer.low + (range * code) / (UNKNOWN - 1);
   const decimals = Math.max(0, -Math.floor(Math.log10(range / 100)));
@@ -39,14 +39,14 @@ function inWords(layer: MapLayer, code: number): string {
   return `${layer.title.toLowerCase()} ${value.toFixed(decimals)}${unit}${more}`;
 }
 
-function painted(values: Uint8Array, rows: number, cols: number, colours: Uint8Array): HTMLCanvasElement {
+function renderMap(values: Uint8Array, rows: number, cols: number, colours: Uint8Array): HTMLCanvasElement {
   const canvas = document.createElement("canvas");
   canvas.width = cols;
   canvas.height = rows;
   const image = new ImageData(cols, rows);
   for (let i = 0; i < values.length; i++) {
     const code = values[i];
-    if (code === UNKNOWN) continue; // stays clear
+    if (code === UNKNOWN) continue; // transparent
     image.data.set(colours.subarray(3 * code, 3 * code + 3), 4 * i);
     image.data[4 * i + 3] = 255;
   }
@@ -56,14 +56,14 @@ function painted(values: Uint8Array, rows: number, cols: number, colours: Uint8A
 
 function legend(layer: MapLayer, colours: Uint8Array): HTMLElement {
   const ramp = Uint8Array.from({ length: UNKNOWN }, (_, k) => k);
-  const bar = painted(ramp, 1, UNKNOWN, colours);
+  const bar = renderMap(ramp, 1, UNKNOWN, colours);
   bar.className = "bar";
   bar.setAttribute("aria-hidden", "true");
   const middle = (layer.low + layer.high) / 2;
-  const ticks = make("p", "ticks");
+  const ticks = createElement("p", "ticks");
   const words = [layer.low, middle, layer.high].map((value) => String(Number(value.toPrecision(3))));
-  ticks.append(...words.map((word, k) => make("span", "", k === 2 ? `${word} ${layer.unit} or more` : word)));
-  const box = make("div", "legend");
-  box.append(make("p", "legend-title", layer.title), bar, ticks, make("p", "small", layer.said));
+  ticks.append(...words.map((word, k) => createElement("span", "", k === 2 ? `${word} ${layer.unit} or more` : word)));
+  const box = createElement("div", "legend");
+  box.append(createElement("p", "legend-title", layer.title), bar, ticks, createElement("p", "small", layer.description));
   return box;
 }

@@ -1,4 +1,4 @@
-/** The sheet in space: three.js, drawn only when something has changed. */
+/** The 3D view of the sheet with three.js, rendered only when something has changed. */
 
 import {
   AmbientLight,
@@ -23,23 +23,23 @@ import {
   WebGLRenderer,
 } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
-import type { Fall } from "./data";
+import type { FallAnimation } from "./data";
 import { clamp } from "./dom";
 
-/** What the sheet is covered with: a picture that the light falls on, a map whose colours must stay true, or nothing. */
-export type Cover = { picture: HTMLImageElement } | { map: HTMLCanvasElement } | null;
-export type Look = "above" | "front" | "side";
+/** Surface of the sheet: an image with lighting, a map without lighting so that colours match its legend, or plain. */
+export type Surface = { picture: HTMLImageElement } | { map: HTMLCanvasElement } | null;
+export type Direction = "above" | "front" | "side";
 
-export interface Space {
-  /** Shows the sheet in a state, or between two. */
+export interface SceneView {
+  /** Shows the sheet in a state; fractions interpolate between two. */
   show(position: number): void;
-  cover(cover: Cover): void;
-  look(from: Look): void;
+  setSurface(surface: Surface): void;
+  viewFrom(direction: Direction): void;
   theme(): void;
 }
 
-const LOOKS: Record<Look | "start", [number, number]> = {
-  // degrees: down from the vertical, and around
+const DIRECTIONS: Record<Direction | "start", [number, number]> = {
+  // polar angle from the vertical and azimuth, in degrees
   start: [52, -24],
   above: [0.5, 0],
   front: [80, 0],
@@ -48,8 +48,8 @@ const LOOKS: Record<Look | "start", [number, number]> = {
 const PLAIN = new Color("#d9d3c6");
 const BACK = new Color("#b3a089");
 
-/** Nothing is drawn before it has its first cover. */
-export function space(canvas: HTMLCanvasElement, fall: Fall, size: [number, number]): Space {
+/** Nothing is rendered before the first call of `setSurface`. */
+export function createScene(canvas: HTMLCanvasElement, animation: FallAnimation, size: [number, number]): SceneView {
   const renderer = new WebGLRenderer({ canvas, antialias: true, alpha: true, preserveDrawingBuffer: true });
   renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
   renderer.shadowMap.enabled = true;
@@ -58,39 +58,39 @@ export function space(canvas: HTMLCanvasElement, fall: Fall, size: [number, numb
   const camera = new PerspectiveCamera(30, 1, 1, 10_000);
   camera.up.set(0, 0, 1);
   const controls = new OrbitControls(camera, canvas);
-  canvas.style.touchAction = "pan-y"; // a finger that moves upwards scrolls the page
+  canvas.style.touchAction = "pan-y"; // vertical swipes scroll the page
   controls.maxPolarAngle = 0.49 * Math.PI;
   controls.enableZoom = false;
   canvas.addEventListener("focus", () => (controls.enableZoom = true));
   canvas.addEventListener("blur", () => (controls.enableZoom = false));
 
-  const reach = Math.hypot(...size, 2 * Math.max(...fall.heights)) / 2;
-  const geometry = sheetGeometry(fall, size);
+  const radius = Math.hypot(...size, 2 * Math.max(...animation.heights)) / 2;
+  const geometry = sheetGeometry(animation, size);
   const sheet = new Mesh<BufferGeometry, MeshBasicMaterial | MeshLambertMaterial>(geometry);
   const back = new Mesh(geometry, new MeshLambertMaterial({ color: BACK, side: BackSide }));
   sheet.castShadow = back.castShadow = true;
-  const table = new Mesh(new PlaneGeometry(8 * reach, 8 * reach), new ShadowMaterial({ opacity: 0.28 }));
-  table.position.z = -0.4; // below the sheet that lies on it
+  const table = new Mesh(new PlaneGeometry(8 * radius, 8 * radius), new ShadowMaterial({ opacity: 0.28 }));
+  table.position.z = -0.4; // slightly below the flat sheet
   table.receiveShadow = true;
-  const grid = tableGrid(reach);
-  scene.add(sheet, back, table, grid, new AmbientLight("white", 0.62 * Math.PI), lamp(reach));
+  const grid = tableGrid(radius);
+  scene.add(sheet, back, table, grid, new AmbientLight("white", 0.62 * Math.PI), lamp(radius));
 
-  let covered = false;
-  let waiting = false;
+  let hasSurface = false;
+  let framePending = false;
   function draw(): void {
-    if (waiting || !covered) return;
-    waiting = true;
+    if (framePending || !hasSurface) return;
+    framePending = true;
     requestAnimationFrame(() => {
-      waiting = false;
+      framePending = false;
       renderer.render(scene, camera);
     });
   }
 
-  function look(from: Look | "start"): void {
-    const [down, around] = LOOKS[from].map((degrees) => (degrees * Math.PI) / 180);
+  function viewFrom(from: Direction | "start"): void {
+    const [down, around] = DIRECTIONS[from].map((degrees) => (degrees * Math.PI) / 180);
     const half = Math.tan((camera.fov * Math.PI) / 360) * Math.min(1, camera.aspect);
-    const away = (0.94 * reach) / half;
-    controls.target.set(0, 0, from === "above" ? 0 : Math.max(...fall.heights) / 3);
+    const away = (0.94 * radius) / half;
+    controls.target.set(0, 0, from === "above" ? 0 : Math.max(...animation.heights) / 3);
     camera.position
       .set(Math.sin(down) * Math.sin(around), -Math.sin(down) * Math.cos(around), Math.cos(down))
       .multiplyScalar(away)
@@ -98,7 +98,7 @@ export function space(canvas: HTMLCanvasElement, fall: Fall, size: [number, numb
     camera.near = away / 50;
     camera.far = away * 10;
     camera.updateProjectionMatrix();
-    controls.minDistance = reach / 10;
+    controls.minDistance = radius / 10;
     controls.maxDistance = 4 * away;
     controls.update();
     draw();
@@ -112,7 +112,7 @@ export function space(canvas: HTMLCanvasElement, fall: Fall, size: [number, numb
     renderer.setSize(width, height, false);
     camera.aspect = width / height;
     camera.updateProjectionMatrix();
-    if (covered) renderer.render(scene, camera); // now, as the canvas has just been emptied
+    if (hasSurface) renderer.render(scene, camera); // immediately, because resizing cleared the canvas
   }
 
   function theme(): void {
@@ -120,23 +120,23 @@ export function space(canvas: HTMLCanvasElement, fall: Fall, size: [number, numb
     draw();
   }
 
-  function cover(cover: Cover): void {
+  function setSurface(surface: Surface): void {
     sheet.material.map?.dispose();
     sheet.material.dispose();
-    covered = true;
-    if (cover === null) sheet.material = new MeshLambertMaterial({ color: PLAIN });
-    else if ("picture" in cover) sheet.material = new MeshLambertMaterial({ map: texture(cover.picture, renderer) });
-    else sheet.material = new MeshBasicMaterial({ map: texture(cover.map, renderer) });
+    hasSurface = true;
+    if (surface === null) sheet.material = new MeshLambertMaterial({ color: PLAIN });
+    else if ("picture" in surface) sheet.material = new MeshLambertMaterial({ map: texture(surface.picture, renderer) });
+    else sheet.material = new MeshBasicMaterial({ map: texture(surface.map, renderer) });
     draw();
   }
 
   function show(position: number): void {
-    place(geometry, fall, position);
+    updateGeometry(geometry, animation, position);
     renderer.shadowMap.needsUpdate = true;
     draw();
   }
 
-  function turn(around: number, down: number, closer = 1): void {
+  function orbit(around: number, down: number, closer = 1): void {
     const way = new Vector3().subVectors(camera.position, controls.target);
     const polar = new Spherical().setFromVector3(new Vector3(way.x, way.z, -way.y)); // three's polar axis is y
     polar.theta += around;
@@ -149,55 +149,55 @@ export function space(canvas: HTMLCanvasElement, fall: Fall, size: [number, numb
   }
 
   canvas.addEventListener("keydown", (event) => {
-    const acts: Record<string, () => void> = {
-      ArrowLeft: () => turn(-0.1, 0),
-      ArrowRight: () => turn(0.1, 0),
-      ArrowUp: () => turn(0, -0.1),
-      ArrowDown: () => turn(0, 0.1),
-      "+": () => turn(0, 0, 1.2),
-      "=": () => turn(0, 0, 1.2),
-      "-": () => turn(0, 0, 1 / 1.2),
-      "0": () => look("start"),
+    const handlers: Record<string, () => void> = {
+      ArrowLeft: () => orbit(-0.1, 0),
+      ArrowRight: () => orbit(0.1, 0),
+      ArrowUp: () => orbit(0, -0.1),
+      ArrowDown: () => orbit(0, 0.1),
+      "+": () => orbit(0, 0, 1.2),
+      "=": () => orbit(0, 0, 1.2),
+      "-": () => orbit(0, 0, 1 / 1.2),
+      "0": () => viewFrom("start"),
     };
-    const act = event.ctrlKey || event.metaKey || event.altKey ? undefined : acts[event.key];
-    if (!act) return;
+    const handler = event.ctrlKey || event.metaKey || event.altKey ? undefined : handlers[event.key];
+    if (!handler) return;
     event.preventDefault();
-    act();
+    handler();
   });
   controls.addEventListener("change", draw);
   resize();
-  look("start");
+  viewFrom("start");
   show(0);
   new ResizeObserver(resize).observe(canvas);
   window.addEventListener("beforeprint", () => renderer.render(scene, camera));
-  return { show, cover, look, theme };
+  return { show, setSurface, viewFrom, theme };
 }
 
-/** The sheet with its texture coordinates: its places on the page, which its last state holds. */
-function sheetGeometry(fall: Fall, size: [number, number]): BufferGeometry {
-  const last = fall.states[fall.states.length - 1];
+/** Geometry of the sheet; texture coordinates are its positions on the page, that is in the last state. */
+function sheetGeometry(animation: FallAnimation, size: [number, number]): BufferGeometry {
+  const last = animation.states[animation.states.length - 1];
   const count = last.length / 3;
   const uv = new Float32Array(2 * count);
   for (let i = 0; i < count; i++) {
-    for (let k = 0; k < 2; k++) uv[2 * i + k] = (fall.low[k] + fall.step[k] * last[3 * i + k]) / size[k] + 0.5;
+    for (let k = 0; k < 2; k++) uv[2 * i + k] = (animation.low[k] + animation.step[k] * last[3 * i + k]) / size[k] + 0.5;
   }
   const geometry = new BufferGeometry();
   geometry.setAttribute("position", new BufferAttribute(new Float32Array(3 * count), 3));
   geometry.setAttribute("uv", new BufferAttribute(uv, 2));
-  geometry.setIndex(new BufferAttribute(fall.faces, 1));
+  geometry.setIndex(new BufferAttribute(animation.faces, 1));
   return geometry;
 }
 
-function place(geometry: BufferGeometry, fall: Fall, position: number): void {
-  const at = clamp(position, 0, fall.states.length - 1);
-  const from = fall.states[Math.floor(at)];
-  const to = fall.states[Math.ceil(at)];
+function updateGeometry(geometry: BufferGeometry, animation: FallAnimation, position: number): void {
+  const at = clamp(position, 0, animation.states.length - 1);
+  const from = animation.states[Math.floor(at)];
+  const to = animation.states[Math.ceil(at)];
   const share = at - Math.floor(at);
   const places = geometry.getAttribute("position") as BufferAttribute;
   const out = places.array as Float32Array;
   for (let i = 0; i < out.length; i++) {
     const k = i % 3;
-    out[i] = fall.low[k] + fall.step[k] * (from[i] + share * (to[i] - from[i]));
+    out[i] = animation.low[k] + animation.step[k] * (from[i] + share * (to[i] - from[i]));
   }
   places.needsUpdate = true;
   geometry.computeVertexNormals();
@@ -212,25 +212,25 @@ function texture(source: HTMLImageElement | HTMLCanvasElement, renderer: WebGLRe
   return made;
 }
 
-function lamp(reach: number): DirectionalLight {
+function lamp(radius: number): DirectionalLight {
   const light = new DirectionalLight("white", 0.48 * Math.PI);
-  light.position.set(-1.1 * reach, 0.9 * reach, 2.2 * reach);
+  light.position.set(-1.1 * radius, 0.9 * radius, 2.2 * radius);
   light.castShadow = true;
   light.shadow.mapSize.set(1024, 1024);
   light.shadow.radius = 6;
   const view = light.shadow.camera;
-  view.left = view.bottom = -1.4 * reach;
-  view.right = view.top = 1.4 * reach;
-  view.near = reach / 10;
-  view.far = 6 * reach;
+  view.left = view.bottom = -1.4 * radius;
+  view.right = view.top = 1.4 * radius;
+  view.near = radius / 10;
+  view.far = 6 * radius;
   return light;
 }
 
-/** Lines on the table, 10 mm apart; 50 mm on a sheet larger than half a metre. */
-function tableGrid(reach: number): GridHelper {
-  const apart = reach > 300 ? 50 : 10;
-  const half = Math.ceil((1.25 * reach) / apart);
-  const grid = new GridHelper(2 * half * apart, 2 * half, "white", "white");
+/** Grid lines on the table, 10 mm apart; 50 mm for sheets larger than half a metre. */
+function tableGrid(radius: number): GridHelper {
+  const spacing = radius > 300 ? 50 : 10;
+  const half = Math.ceil((1.25 * radius) / spacing);
+  const grid = new GridHelper(2 * half * spacing, 2 * half, "white", "white");
   const material = grid.material as LineBasicMaterial;
   material.vertexColors = false;
   material.transparent = true;

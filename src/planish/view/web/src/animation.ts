@@ -1,32 +1,32 @@
-/** The slider that lets the sheet settle, and the button that plays it. */
+/** The slider and the play button of the animation. */
 
 import { byId } from "./dom";
-import type { Fall } from "./data";
-import type { Space } from "./space";
+import type { FallAnimation } from "./data";
+import type { SceneView } from "./scene";
 
 const SECONDS = 4;
 
-export function settle(fall: Fall, space: Space): void {
+export function animate(animation: FallAnimation, view: SceneView): void {
   const slider = byId<HTMLInputElement>("step");
   const button = byId("play");
-  const said = byId("step-said");
-  const last = fall.states.length - 1;
-  const calm = window.matchMedia("(prefers-reduced-motion: reduce)");
+  const label = byId("step-label");
+  const last = animation.states.length - 1;
+  const reducedMotion = window.matchMedia("(prefers-reduced-motion: reduce)");
   let playing = false;
   slider.max = String(last);
 
   function show(position: number): void {
     const step = Math.round(position);
     slider.value = String(step);
-    const high = `${fall.heights[step].toFixed(fall.heights[step] < 10 ? 1 : 0)} mm high`;
+    const high = `${animation.heights[step].toFixed(animation.heights[step] < 10 ? 1 : 0)} mm high`;
     slider.setAttribute("aria-valuetext", `step ${step} of ${last}, ${high}`);
-    said.textContent = step === last ? "the page, flat" : step === 0 ? `the scan, ${high}` : `${step} of ${last}, ${high}`;
-    space.show(position);
+    label.textContent = step === last ? "the page, flat" : step === 0 ? `the scan, ${high}` : `${step} of ${last}, ${high}`;
+    view.show(position);
   }
 
   function stop(): void {
     playing = false;
-    button.textContent = Number(slider.value) === last ? "Again" : "Settle";
+    button.textContent = Number(slider.value) === last ? "Replay" : "Play";
   }
 
   function play(): void {
@@ -37,7 +37,7 @@ export function settle(fall: Fall, space: Space): void {
     const frame = (now: number) => {
       if (!playing) return;
       const position = Math.min(from + ((now - start) / 1000 / SECONDS) * last, last);
-      show(calm.matches ? Math.floor(position) : position);
+      show(reducedMotion.matches ? Math.floor(position) : position);
       if (position < last) requestAnimationFrame(frame);
       else stop();
     };
