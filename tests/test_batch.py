@@ -266,7 +266,7 @@ def test_an_output_that_is_a_file_is_refused(folder):
 
 
 def test_an_order_that_contradicts_itself_is_refused_before_work(folder, restored):
-    with pytest.raises(UsageError, match="PDF/A is for PDF"):
+    with pytest.raises(UsageError, match="PDF/A requires a PDF"):
         restore_all(folder, options=replace(OPTIONS, pdfa=True))
     settings = replace(OPTIONS.settings, binarize=BinarizeSettings(binarize="none"))
     with pytest.raises(UsageError, match="binarization is none; name a method with binarize"):
@@ -388,7 +388,7 @@ def test_what_is_said_when_asked(folder, restored, capsys):
         (["--jobs", "2", "--dask", "tcp://localhost:1"], 2, "give only one of them"),
         (["--timeout", "0"], 2, "--timeout must be greater than 0"),
         (["--dask", "nowhere"], 3, "no Dask scheduler answers at nowhere"),
-        (["--pdfa"], 2, "PDF/A is for PDF"),
+        (["--pdfa"], 2, "PDF/A requires a PDF"),
     ],
 )
 @pytest.mark.filterwarnings("default")  # Dask's own

@@ -98,8 +98,11 @@ def changed(report, **parts):
         (lambda at, report: (at / "report.json").unlink(), "has no report.json"),
         (lambda at, report: (at / "report.json").write_text("[" * 100_000), "is not a report of planish"),
         (lambda at, report: (at / "report.json").write_text("[1, 2]"), "is not a report of planish"),
-        (lambda at, report: (at / "report.json").write_text(changed(report, page={})), "not a whole report"),
-        (lambda at, report: (at / "report.json").write_text(changed(report, sources={})), "does not tell which files"),
+        (lambda at, report: (at / "report.json").write_text(changed(report, page={})), "not a complete report"),
+        (
+            lambda at, report: (at / "report.json").write_text(changed(report, sources={})),
+            "does not list its source files",
+        ),
         (
             lambda at, report: (at / "report.json").write_text(changed(report, settings={"pages": "7"})),
             "does not know: pages is '7'; expected 1 or 2 or auto",
@@ -109,7 +112,7 @@ def changed(report, **parts):
             "does not know: render.dpi is 'many'; expected a number or auto",
         ),
         (lambda at, report: (at / "scan.obj").unlink(), "which is not beside it"),
-        (lambda at, report: (at / "scan.obj").write_text("v 0 0 0\n"), "is no longer the file"),
+        (lambda at, report: (at / "scan.obj").write_text("v 0 0 0\n"), "has changed since report.json was written"),
     ],
 )
 def test_what_is_no_finished_restoration_is_refused(folder, tmp_path, capsys, spoil, said):

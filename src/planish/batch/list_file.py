@@ -35,8 +35,8 @@ def read_list(path: Path) -> ScanList:
     --------
     >>> import tempfile
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     _ = Path(f"{folder}/shelf.csv").write_text("scan,photo\na/1.ply,a/1.jpg\n")
-    ...     item = read_list(Path(f"{folder}/shelf.csv")).items[0]
+    ...     _ = Path(f"{folder}/scans.csv").write_text("scan,photo\na/1.ply,a/1.jpg\n")
+    ...     item = read_list(Path(f"{folder}/scans.csv")).items[0]
     ...     item.name, item.photo[0].name
     ('a/1', '1.jpg')
     """

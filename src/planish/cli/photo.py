@@ -81,7 +81,7 @@ def photo(
         check_page_name(path)
     if binary is not None and binarizing.binarize == "none":
         raise UsageError(
-            "a page in black and white is to be written, and binarization is none", "name a method with {binarize}"
+            "a binarized page was requested, but the binarization method is none", "name a method with {binarize}"
         )
     outputs = [path for path in (output, binary, report) if path is not None]
     for path in outputs:

@@ -76,19 +76,19 @@ def _read_report(path: Path) -> dict[str, Any]:
         report = json.loads(data)
     except (ValueError, RecursionError):
         report = None
-    wanted = {"sources": dict, "page": dict, "scan": dict}
-    if not isinstance(report, dict) or not all(isinstance(report.get(key), kind) for key, kind in wanted.items()):
+    required = {"sources": dict, "page": dict, "scan": dict}
+    if not isinstance(report, dict) or not all(isinstance(report.get(key), kind) for key, kind in required.items()):
         raise InputError(f"{path} is not a report of planish; give a scan, or the folder of a restoration")
     numbers = (report["page"].get("width_mm"), report["page"].get("height_mm"))
     if not all(isinstance(number, int | float) for number in numbers) or "unit" not in report["scan"]:
-        raise InputError(f"{path} is not a whole report of planish: the page has no size; restore the scan anew")
+        raise InputError(f"{path} is not a complete report of planish: the page has no size; restore the scan again")
     return report
 
 
 def _find_sources(path: Path, report: Mapping[str, Any]) -> list[Path]:
     """Input files named by a report, checked to be beside it and unchanged (SHA-256)."""
     if not report["sources"]:
-        raise InputError(f"{path} does not tell which files it was made from; give the scan itself")
+        raise InputError(f"{path} does not list its source files; give the scan itself")
     paths = []
     for name, digest in report["sources"].items():
         path_beside = path.parent / Path(name).name
@@ -97,7 +97,7 @@ def _find_sources(path: Path, report: Mapping[str, Any]) -> list[Path]:
                 f"{path} was made from {name}, which is not beside it; put it there, or give the scan itself"
             )
         if list(fingerprints([path_beside]).values()) != [digest]:
-            raise InputError(f"{path_beside} is no longer the file that {path.name} was made from; restore it anew")
+            raise InputError(f"{path_beside} has changed since {path.name} was written; restore it again")
         paths.append(path_beside)
     return paths
 

@@ -23,9 +23,9 @@ from planish.types import Page, Restoration
 
 def page_files(out: Outputs, max_pages: int) -> list[Path]:
     """Names of all page files that may be written if the sheet is split into at most `max_pages` pages."""
-    wanted = [path for path in (out.page, *out.copies, out.binary, out.mask) if path is not None]
+    files = [path for path in (out.page, *out.copies, out.binary, out.mask) if path is not None]
     counts = range(1, max_pages + 1)
-    return list(dict.fromkeys(name for path in wanted for count in counts for name in page_names(path, count)))
+    return list(dict.fromkeys(name for path in files for count in counts for name in page_names(path, count)))
 
 
 def check_pages(out: Outputs) -> None:
@@ -39,9 +39,9 @@ def check_pages(out: Outputs) -> None:
     suffixes = {path: check_page_name(path) for path in named if path is not None}
     if out.mask is not None and suffixes[out.mask] not in (".png", ".tif", ".tiff"):
         raise OutputError(f"{out.mask}: a mask needs a lossless format; name it .png or .tif")
-    for what in [*(["PDF/A"] if out.pdfa else []), *(["a layer of text"] if out.ocr is not None else [])]:
+    for what in [*(["PDF/A"] if out.pdfa else []), *(["an OCR text layer"] if out.ocr is not None else [])]:
         if ".pdf" not in suffixes.values():
-            raise UsageError(f"{what} is for PDF, and {out.page.name} is none", "name a page that ends in .pdf")
+            raise UsageError(f"{what} requires a PDF, but the page is {out.page.name}", "name a page that ends in .pdf")
     if out.ocr is not None:
         check_ocr(out.ocr)
 

@@ -28,7 +28,7 @@ from planish.types import Report
 from planish.view import view_page
 
 _WITHOUT_PHOTO = ("image-missing", "texture-unreadable", "material-file-missing", "material-file-unreadable")
-"""Codes of the warnings that tell why a scan has no photo."""
+"""Codes of warnings that explain why a scan has no photo."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ def check(job: Job) -> None:
     check_pages(out)
     if out.binary is not None and job.settings.binarize.binarize == "none":
         raise UsageError(
-            "a page in black and white is to be written, and binarization is none", "name a method with {binarize}"
+            "a binarized page was requested, but the binarization method is none", "name a method with {binarize}"
         )
     if out.flat is not None:
         check_flat_name(out.flat)
@@ -171,7 +171,7 @@ def _read_scan(job: Job) -> ReadScan:
     if loaded.scan.photo is None:
         why = "".join(f"; {warning.sentence}" for warning in loaded.warnings if warning.code in _WITHOUT_PHOTO)
         raise InputError(
-            f"{job.scan} came without a photo that can be drawn{why}",
+            f"{job.scan} has no usable photo{why}",
             "give {photo}, or use `planish flatten` for the geometry alone",
         )
     return loaded

@@ -113,10 +113,8 @@ def _settings_error(message: str, kind: Any, values: object) -> SettingsError:
     for name in path:
         kind = get_type_hints(kind)[name]
         values = values.get(name) if isinstance(values, Mapping) else getattr(values, name, None)
-    found = ascii(values)
-    return SettingsError(
-        path, f"is {found if len(found) <= 64 else found[:60] + '...'}; expected {describe_type(kind)}"
-    )
+    text = ascii(values)
+    return SettingsError(path, f"is {text if len(text) <= 64 else text[:60] + '...'}; expected {describe_type(kind)}")
 
 
 def _check_finite(settings: Any, path: tuple[str, ...]) -> None:

@@ -104,10 +104,10 @@ def _unpack_zip(path: Path, folder: Path, limits: ServeSettings) -> list[Path]:
 
 def _keep_or_delete(path: Path) -> bool:
     """Whether an unpacked file may belong to a scan; others are deleted."""
-    wanted = path.suffix.lower() in (*MESHES, *IMAGES, *_COMPANION_SUFFIXES)
-    if not wanted:
+    keep = path.suffix.lower() in (*MESHES, *IMAGES, *_COMPANION_SUFFIXES)
+    if not keep:
         path.unlink()
-    return wanted
+    return keep
 
 
 def _check_file(path: Path, limits: ServeSettings) -> None:

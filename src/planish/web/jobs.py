@@ -54,7 +54,7 @@ class JobState(BaseModel):
     created: datetime
     finished: datetime | None
     expires: datetime | None = Field(description="When the results are deleted")
-    settled: bool | None = Field(description="False: there is a page, but the solver did not converge")
+    settled: bool | None = Field(description="False: there is a page, but the sheet did not settle")
     outcome: str
     warnings: list[str]
     figures: list[Figure]

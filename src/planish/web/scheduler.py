@@ -91,14 +91,14 @@ class Scheduler:
     def remove(self, id: str) -> bool:
         """Cancel and delete a job in any state; False if there is no such job."""
         with self._condition:
-            found = self.store.remove(id)
+            existed = self.store.remove(id)
             stop = self._stops.get(id)
             if stop is not None:
                 stop.set()  # its thread deletes the folder when the process has ended
-        if found and stop is None:
+        if existed and stop is None:
             self._remove_folder(id)
         self._notify_subscribers(id)
-        return found
+        return existed
 
     def progress(self, id: str) -> tuple[str, float]:
         """Stage of a running job, and the fraction of the stage that is done."""

@@ -28,7 +28,7 @@ async def receive_upload(request: Request, job_folder: Path, limits: ServeSettin
     Returns
     -------
     title : str
-    wanted : dict
+    request_data : dict
         Fields of `planish.web.restore_upload.UploadRequest`, with the form's values as `fields`.
 
     Raises

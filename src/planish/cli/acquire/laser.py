@@ -55,13 +55,15 @@ def laser(
         progress("read", 0.0)
         seen_from = read_camera(camera)
         laser_planes = read_sweep(planes, names, motion, seen_from)
-        off = read_photo(photo)
+        unlit_photo = read_photo(photo)
         lines = 1 if isinstance(laser_planes, tuple) else laser_planes.shape[1]
-        sweep = sweep_stripes(lambda k: read_photo(paths[k]).pixels, names, off.pixels, lines=lines, tell=progress)
+        sweep = sweep_stripes(
+            lambda k: read_photo(paths[k]).pixels, names, unlit_photo.pixels, lines=lines, tell=progress
+        )
         progress("acquire", 0.0)
         if isinstance(laser_planes, tuple):
             laser_planes = planes_from_background(sweep, names, seen_from, *laser_planes)
-        acquired = from_laser(sweep, names, off.pixels, seen_from, laser_planes, mask=sheet_mask(mask))
+        acquired = from_laser(sweep, names, unlit_photo.pixels, seen_from, laser_planes, mask=sheet_mask(mask))
         progress("write", 0.0)
         written = write_acquired(acquired, files)
-    print_scan_summary(acquired, off.warnings, written, quiet=files.quiet)
+    print_scan_summary(acquired, unlit_photo.warnings, written, quiet=files.quiet)

@@ -48,15 +48,22 @@ def laser_lines(
         planes, rig_camera, photo_warnings = read_rig(lasers)
         seen_from = rig_camera if camera is None else read_camera(camera)
         check_camera(lasers, rig_camera, seen_from)
-        on, off = read_photo(lit), None if photo is None else read_photo(photo)
+        lit_photo, unlit_photo = read_photo(lit), None if photo is None else read_photo(photo)
         progress("acquire", 0.0)
         acquired = from_laser_lines(
-            on.pixels, None if off is None else off.pixels, seen_from, planes, mask=sheet_mask(mask)
+            lit_photo.pixels,
+            None if unlit_photo is None else unlit_photo.pixels,
+            seen_from,
+            planes,
+            mask=sheet_mask(mask),
         )
         progress("write", 0.0)
         written = write_acquired(acquired, files)
     print_scan_summary(
-        acquired, [*photo_warnings, *on.warnings, *([] if off is None else off.warnings)], written, quiet=files.quiet
+        acquired,
+        [*photo_warnings, *lit_photo.warnings, *([] if unlit_photo is None else unlit_photo.warnings)],
+        written,
+        quiet=files.quiet,
     )
 
 

@@ -72,16 +72,16 @@ def laser(
     if motion is None:
         calibration = planes_of_boards(pixels, names, camera_model, target, lines=lines)
         write_rig(output, calibration.planes, camera_model)
-        points, off = calibration.points, " and ".join(f"{rms:.3f}" for rms in calibration.rms_mm)
+        points, rms_mm = calibration.points, " and ".join(f"{rms:.3f}" for rms in calibration.rms_mm)
     else:
         moved, angles = read_motion(motion, names)
         if moved != "angles_deg" or lines != 1:
             raise UsageError("the axis needs one laser line and angles: --lines 1, and a column angle_deg")
         axis = axis_of_boards(pixels, names, camera_model, target, angles)
         write_rig(output, axis.plane[None], camera_model, axis=(axis.point, axis.direction))
-        points, off = axis.points, f"{axis.rms_mm:.3f}"
+        points, rms_mm = axis.points, f"{axis.rms_mm:.3f}"
     if not quiet:
-        print(f"{points:,} points on {len(paths)} boards, {off} mm rms from the laser plane")
+        print(f"{points:,} points on {len(paths)} boards, {rms_mm} mm rms from the laser plane")
         print(f"written  {output}")
 
 
@@ -124,10 +124,10 @@ def laser_lines(
     from planish.io.lasers import write_rig
 
     check_writable(output, overwrite=overwrite)
-    on, off = read_photo(lit).pixels, None if photo is None else read_photo(photo).pixels
-    camera_model = camera_of(lit, on.shape[:2]) if camera is None else read_camera(camera)
+    lit_pixels, unlit_pixels = read_photo(lit).pixels, None if photo is None else read_photo(photo).pixels
+    camera_model = camera_of(lit, lit_pixels.shape[:2]) if camera is None else read_camera(camera)
     side = GUESSED_SQUARE_MM if square_mm is None else square_mm
-    rig = rig_of_squares(on, off, camera_model, side, lens=not camera_model.distortion.any())
+    rig = rig_of_squares(lit_pixels, unlit_pixels, camera_model, side, lens=not camera_model.distortion.any())
     note = None
     if square_mm is None:
         note = f"the squares are assumed to be {side:g} mm, so that pages are not at true size (--square-mm)"
