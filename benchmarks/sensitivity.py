@@ -1,4 +1,4 @@
-"""What hangs on each threshold: benchmarks/sensitivity.py [NAME ...] [--rooms ROOM ...] [--data DIR].
+"""What hangs on each threshold: benchmarks/sensitivity.py [NAME ...] [--rooms ROOM ...].
 
 Every constant of planish's rooms that something is compared with is halved and doubled, one at a time, and the sheets
 of the gallery are restored anew. A share above one half is varied by its distance from one (0.8: 0.6 and 0.9), an angle
@@ -8,14 +8,16 @@ noise, with white noise and with noise alike over three points), rooms that look
 points and 2 megapixels, `photo` on photos alone.
 
 rms: of every point against its true place, after the best rigid fit [mm]. size: the greater of width and height against
-the true sheet [%]. turn: of the page against the true one [degrees]. What changes by less than a tenth, or no more than
-rounding would, is not told. With --data, real captures are restored as well, and their size is compared. With NAMEs
-only these constants. Prints Markdown.
+the true sheet [%]. turn: of the page against the true one [degrees]. What changes by no more than rounding would, and
+errors that change by less than a tenth, are not told. Real captures in ../shared/data, or where PLANISH_DATA says, are
+restored as well, if there are any, and their long side is compared [mm]. With NAMEs only these constants. Prints
+Markdown.
 """
 
 from __future__ import annotations
 
 import argparse
+import os
 import re
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -34,6 +36,8 @@ from truth import rigid_rms
 Seen = dict[str, float | str]
 Case = Callable[[], Seen]
 
+DATA = Path(os.environ.get("PLANISH_DATA") or Path(__file__).parents[2] / "shared" / "data")
+FACTORS = (0.5, 2.0)
 SETTINGS = RestoreSettings(render=RenderSettings(dpi=120.0), pages="auto")
 LEAST = {
     "rms": 0.002,
@@ -44,8 +48,11 @@ LEAST = {
     "outline": 0.2,
     "creases": 0.05,
     "straightness": 0.002,
+    "long side": 0.2,
 }
-"""Smaller changes are not told: in mm, %, degrees, mm, %, % of the photo, widths of the page, heights of a letter."""
+"""Smaller changes are not told: in mm, %, degrees, mm, %, % of the photo, page widths, heights of a letter, mm."""
+ERRORS = ("rms", "size", "shade")
+"""Nor are changes of these by less than a tenth."""
 MESHES = ("book", "wave", "letter", "spread", "miura", "crumpled", "curl")
 NOISES = {"": {}, ", noise": {"noise_mm": 0.07}, ", ripple": {"noise_mm": 0.1, "noise_correlation_px": 3.0}}
 
@@ -88,10 +95,10 @@ ROOMS = {
 }
 
 
-def real(folder: Path, room: str) -> Iterator[tuple[str, Case]]:
-    """Real captures that suit the room: the handheld sheets, and with a photo the curled map."""
+def real(room: str) -> Iterator[tuple[str, Case]]:
+    """Real captures that suit the room, where there are any: the handheld sheets, and with a photo the curled map."""
     names = {"document": ["curled_map"], "photo": []}.get(room, ["handheld_sheet"])
-    for path in (path for name in names for path in sorted((folder / name).glob("*.obj"))):
+    for path in (path for name in names for path in sorted((DATA / name).glob("*.obj"))):
         yield f"{path.parent.name}/{path.stem}", partial(restored, planish.read_scan(path).scan)
 
 
@@ -105,7 +112,7 @@ def restored(scan: planish.Scan, truth: np.ndarray | None = None, bent: object =
     if report.shading:
         seen |= {"light": report.shading.method, "shade": 100 * report.shading.unevenness}
     if truth is None:
-        return {**seen, "size": 100 * max(width, height) / 1000}
+        return {**seen, "long side": max(width, height)}
     sides = zip(sorted((width, height)), sorted((bent.width_mm, bent.height_mm)), strict=True)
     seen |= {"rms": rigid_rms(done.flattening.page_xy, truth), "size": max(100 * abs(a / b - 1) for a, b in sides)}
     if scan.photo is not None:
@@ -148,7 +155,7 @@ def difference(was: Seen, now: Seen) -> list[str]:
     for key in dict.fromkeys([*was, *now]):
         a, b = was.get(key, "none"), now.get(key, "none")
         if isinstance(a, float) and isinstance(b, float):
-            if abs(a - b) > max(LEAST[key], 0.1 * abs(a) if key != "turn" else 0):
+            if abs(a - b) > max(LEAST[key], 0.1 * abs(a) if key in ERRORS else 0):
                 told.append(f"{key} {a:.3g} → {b:.3g}")
         elif a != b:
             told.append(f"{key} {brief(a)} → {brief(b)}" if key != "notes" else "other notes")
@@ -161,7 +168,7 @@ def brief(value: float | str) -> str:
 
 def row(threshold: Threshold, cases: list[tuple[str, Case]], usual: list[Seen]) -> list[str]:
     cells = []
-    for factor in (0.5, 2.0):
+    for factor in FACTORS:
         with changed(threshold, threshold.times(factor)):
             found = [(name, difference(was, watched(case))) for (name, case), was in zip(cases, usual, strict=True)]
         found = [(name, told) for name, told in found if told]
@@ -174,23 +181,23 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("names", nargs="*", metavar="NAME")
     parser.add_argument("--rooms", nargs="+", default=list(ROOMS), choices=ROOMS)
-    parser.add_argument("--data", type=Path, help="a folder of real captures")
     asked = parser.parse_args()
-    print(f"{machine()}\n\n| threshold | value | halved | doubled |\n|---|---|---|---|", flush=True)
+    print(f"{machine()}\n\n| threshold | value (half, twice) | halved | doubled |\n|---|---|---|---|", flush=True)
     nothing, made = [], {}
     for room in asked.rooms:
         chosen = [t for t in thresholds(room) if not asked.names or t.name in asked.names]
         for maker in ROOMS[room] if chosen else ():
             made[maker] = made.get(maker) or list(maker())
         cases = [case for maker in ROOMS[room] for case in made.get(maker, ())]
-        cases += list(real(asked.data, room)) if asked.data and chosen else []
+        cases += list(real(room)) if chosen else []
         usual = [watched(case) for _, case in cases] if chosen else []
         for threshold in chosen:
             cells = row(threshold, cases, usual)
             if cells == ["-", "-"]:
                 nothing.append(threshold.place)
             else:
-                print(f"| `{threshold.place}` | {shown(threshold.value)} | {' | '.join(cells)} |", flush=True)
+                tried = ", ".join(shown(threshold.times(factor)) for factor in FACTORS)
+                print(f"| `{threshold.place}` | {shown(threshold.value)} ({tried}) | {' | '.join(cells)} |", flush=True)
     print(f"\nNothing changes with: {', '.join(f'`{place}`' for place in nothing) or 'none'}.")
 
 

@@ -12,7 +12,9 @@ import pytest
 from hypothesis import settings
 from numba.core.caching import IndexDataCacheFile
 
+import planish
 from captures import DATA
+from planish.gallery import sheet, virtual_scan
 
 # A red run can be repeated; no deadline, as kernels compile on first use.
 settings.register_profile("planish", derandomize=True, deadline=None)
@@ -57,6 +59,18 @@ def pytest_runtest_setup(item):
         folder = DATA.joinpath(*marker.args)
         if not folder.exists():
             pytest.skip(f"needs real captures, which are no part of the project: {folder} does not exist")
+
+
+@pytest.fixture(scope="session")
+def book_scan():
+    """The virtual scan of a book's page, small and without noise; scans take seconds, and this one does for many."""
+    return virtual_scan(sheet("book"), points=4000, photo_px=(1000, 750))
+
+
+@pytest.fixture(scope="session")
+def restored_book(book_scan):
+    """What `restore` makes of it."""
+    return planish.restore(book_scan.scan)
 
 
 # No network ----------------------------------------------------------------------------------------------------------

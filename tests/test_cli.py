@@ -13,19 +13,16 @@ import pytest
 from PIL import Image
 
 from planish.cli.main import run
-from planish.gallery import sheet, virtual_scan
 from planish.io import write_scan
 
 # a page of a bound book, small enough for a test and large enough to be read
-SMALL = {"points": 4000, "photo_px": (1000, 750)}
 
 
 @pytest.fixture(scope="module")
-def book(tmp_path_factory):
-    made = virtual_scan(sheet("book"), **SMALL)
+def book(book_scan, tmp_path_factory):
     path = tmp_path_factory.mktemp("book") / "book.obj"
-    write_scan(path, made.scan)
-    return path, made
+    write_scan(path, book_scan.scan)
+    return path, book_scan
 
 
 @pytest.fixture

@@ -7,7 +7,6 @@ from pathlib import Path
 import jsonschema
 import pytest
 
-from planish.gallery import sheet, virtual_scan
 from planish.io import write_json
 from planish.pipeline import restore
 from planish.settings import RestoreSettings
@@ -17,8 +16,8 @@ SCHEMA = json.loads((Path(__file__).parent.parent / "docs" / "report.schema.json
 
 
 @pytest.fixture(scope="module")
-def scan():
-    return virtual_scan(sheet("book"), points=3000, photo_px=(600, 450)).scan
+def scan(book_scan):
+    return book_scan.scan
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,6 @@ import pytest
 from PIL import Image
 
 from planish.errors import MissingExtraError
-from planish.gallery import sheet, virtual_scan
 from planish.pipeline import restore
 from planish.types import Page, Scan
 
@@ -27,13 +26,13 @@ def kind(request):
 
 
 @pytest.fixture(scope="module")
-def scan():
-    return virtual_scan(sheet("book"), points=3000, photo_px=(600, 450)).scan
+def scan(book_scan):
+    return book_scan.scan
 
 
 @pytest.fixture(scope="module")
-def done(scan):
-    return restore(scan)
+def done(restored_book):
+    return restored_book
 
 
 def page_of(pixels, **more):

@@ -74,13 +74,13 @@ def states_of(data):
 
 
 @pytest.fixture(scope="module")
-def scan():
-    return virtual_scan(sheet("book"), points=4000, photo_px=(800, 600)).scan
+def scan(book_scan):
+    return book_scan.scan
 
 
 @pytest.fixture(scope="module")
-def done(scan):
-    return planish.restore(scan)
+def done(restored_book):
+    return restored_book
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,6 @@ from dataclasses import asdict
 import pytest
 
 from planish.cli.main import run
-from planish.gallery import sheet, virtual_scan
 from planish.io import write_scan
 from planish.job.from_report import inputs_from_report
 from planish.settings import BinarizeSettings, FlattenSettings, RestoreSettings, VerletSettings
@@ -14,10 +13,10 @@ from test_view import Document
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
+def folder(book_scan, tmp_path_factory):
     """A finished restoration, as `planish demo` leaves one: scan, report and all else in one folder."""
     made = tmp_path_factory.mktemp("done")
-    write_scan(made / "scan.obj", virtual_scan(sheet("book"), points=3000, photo_px=(600, 450)).scan)
+    write_scan(made / "scan.obj", book_scan.scan)
     flags = ["--dpi", "100", "--points", "2000", "--rotate", "0", "--report", str(made / "report.json")]
     page, html = ["-o", str(made / "page.png")], ["--html", str(made / "page.html")]
     assert run(["restore", str(made / "scan.obj"), *page, *html, *flags]) == 0
