@@ -50,6 +50,7 @@ def test_depths_come_back_from_the_points_they_were_made_into():
     np.testing.assert_allclose(project(CAMERA, points.reshape(-1, 3)), np.c_[cols.ravel(), rows.ravel()], atol=1e-9)
 
 
+@pytest.mark.slow
 def test_thirty_noisy_frames_of_the_book_page_are_true_to_half_a_millimetre(book):
     made, capture = book
     acquired = from_depth(capture.frames, capture.camera, capture.photo, capture.photo_camera)
@@ -91,6 +92,7 @@ def test_nothing_is_joined_across_a_depth_jump_and_flying_pixels_go():
         assert 40 not in photo_xy[:, 0]
 
 
+@pytest.mark.slow
 def test_the_mesh_faces_the_camera(book):
     _, capture = book
     mesh = from_depth(capture.frames, capture.camera, capture.photo, capture.photo_camera).scan.mesh
@@ -98,6 +100,7 @@ def test_the_mesh_faces_the_camera(book):
     assert (np.cross(b - a, c - a)[:, 2] > 0).all()  # the camera hangs above the table
 
 
+@pytest.mark.slow
 def test_the_photo_lies_where_the_photo_camera_saw_each_point(book):
     _, capture = book
     scan = from_depth(capture.frames, capture.camera, capture.photo, capture.photo_camera).scan
@@ -111,6 +114,7 @@ def test_a_registered_photo_may_be_larger_than_the_depth_map():
     np.testing.assert_allclose(scan.photo_xy, 2 * own + 0.5, atol=1e-9)  # centres of pixels cut in four
 
 
+@pytest.mark.slow
 def test_the_sheet_is_told_from_the_ground_and_its_print_kept(book):
     _, capture = book
     mask = find_sheet(capture.photo)
@@ -129,6 +133,7 @@ def test_a_mask_by_hand_cuts_the_sheet_out():
     assert "no sheet stands out" in said[0].sentence
 
 
+@pytest.mark.slow
 def test_the_picture_shows_the_scan(book):
     _, capture = book
     made = from_depth(capture.frames, capture.camera, capture.photo, capture.photo_camera)
@@ -163,6 +168,7 @@ def test_what_cannot_be_used_is_said(case):
         from_depth(frames, CAMERA, **{"photo": PHOTO, **more})
 
 
+@pytest.mark.slow
 def test_the_command_makes_a_scan_that_restore_takes_without_options(book, tmp_path):
     made, capture = book
     (tmp_path / "depth").mkdir()

@@ -261,6 +261,7 @@ def test_a_photo_may_be_larger_or_have_its_own_camera(bowl):
     np.testing.assert_allclose(scan.photo_xy, project(other, scan.mesh.points))
 
 
+@pytest.mark.slow
 def test_a_scan_without_colours_can_be_drawn_and_flattened(bowl, tmp_path):
     made = from_grid(bowl[0], None)
     assert made.scan.photo is None
@@ -346,6 +347,7 @@ def test_a_missing_library_is_named(tmp_path, monkeypatch, capfd, name, start):
 # The whole way: tests/test_sessions.py goes on to the page
 
 
+@pytest.mark.slow
 def test_the_papers_scanner_gives_the_true_surface():
     made = sheet("book")
     image = range_image(made, shape_rc=(160, 120))

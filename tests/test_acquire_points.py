@@ -50,6 +50,7 @@ def outward_at(mesh):
     return mesh.points * [1, 0, 1] - [0, 0, 100]
 
 
+@pytest.mark.slow
 def test_the_surface_is_truer_than_the_points_and_ends_where_they_end():
     points, _ = cylinder()
     mesh = from_points(points, seen_from=np.array([0.0, 0, 900])).scan.mesh
@@ -61,6 +62,7 @@ def test_the_surface_is_truer_than_the_points_and_ends_where_they_end():
     assert abs(area(mesh) - true) < np.sqrt(true / 20_000) * around  # the border is known to a spacing
 
 
+@pytest.mark.slow
 def test_strays_are_left_out():
     points, _ = cylinder()
     rng = np.random.default_rng(1)
@@ -112,6 +114,7 @@ def test_a_side_that_nothing_tells_is_taken_and_said():
     assert "towards +z" in made.warnings[0].sentence
 
 
+@pytest.mark.slow
 def test_the_photo_is_made_of_the_points_colours():
     points, _ = cylinder()
     red = np.where(points[:, 1] > 0, 255, 0)
@@ -125,6 +128,7 @@ def test_the_photo_is_made_of_the_points_colours():
     assert set(np.unique(seen[:, 0])) <= {0, 255}
 
 
+@pytest.mark.slow
 def test_the_table_goes_also_where_the_sheet_hides_it():
     made = photo_points(sheet("letter"), points=20_000, photo_px=None)
     mesh = from_points(made.points, made.colours, made.normals).scan.mesh
@@ -197,6 +201,7 @@ def test_las_gives_metres_and_colours(tmp_path):
         assert cloud.colours[10].tolist() == [600, 300, 0]
 
 
+@pytest.mark.slow
 def test_the_command_draws_the_photo_by_its_camera(tmp_path):
     made = sheet("book")
     cloud = photo_points(made, points=8000, photo_px=(1000, 750))

@@ -15,6 +15,8 @@ import pytest
 from planish.cli.main import run
 from small_scans import digests, write_small_scan
 
+pytestmark = pytest.mark.slow
+
 FLAGS = ["--dpi", "40", "--rotate", "0"]
 BAD = 2
 GOOD = 6

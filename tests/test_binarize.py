@@ -33,6 +33,7 @@ def f1(page, truth):
     return 2 * (found & true).sum() / (found.sum() + true.sum())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 def test_text_under_uneven_light(printed, method):
     # a threshold half a grey ramp off moves each edge of a stroke (4 px wide) by less than half a pixel: F1 > 0.85

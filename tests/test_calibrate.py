@@ -61,6 +61,7 @@ def exact_corners(count, board=BOARD, camera=CAMERA, alike=False):
     return places, corners
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["charuco", "chessboard"])
 def test_corners_are_found_where_they_are(kind):
     board = replace(BOARD, kind=kind)
@@ -75,6 +76,7 @@ def test_corners_are_found_where_they_are(kind):
     assert np.linalg.norm(xy - true[rows_of], axis=1).max() < 0.35  # px, at squares of 33 px and noise of 1 level
 
 
+@pytest.mark.slow
 def test_a_camera_is_found_again(calibrated):
     camera = calibrated.camera
     assert calibrated.rms_px < 0.15
@@ -106,6 +108,7 @@ def test_poses_that_are_too_alike_are_refused():
         _calibrated(*exact_corners(8, alike=True), CAMERA.shape_rc, [])
 
 
+@pytest.mark.slow
 def test_a_projector_is_found_again(captures):
     found = calibrate_projector(captures, BOARD, CAMERA, SMALL_RIG[1])
     assert found.rms_px < 0.15
@@ -115,6 +118,7 @@ def test_a_projector_is_found_again(captures):
     assert off.max() < 0.5
 
 
+@pytest.mark.slow
 def test_bad_photos_are_said(photos, captures):
     with pytest.raises(InputError, match="was found in 0 of 4 photos"):
         calibrate_camera([np.full((100, 120), 200, np.uint8)] * 4, BOARD)
@@ -155,12 +159,14 @@ def test_the_printed_board_has_its_true_size(paper, tmp_path):
         board_page(Board(square_mm=40.0), paper)
 
 
+@pytest.mark.slow
 def test_the_picture_of_the_poses(calibrated):
     drawn = poses_picture(calibrated, BOARD)
     assert drawn.shape == (640, 3 * 640 + 2 * 20, 3)
     assert all((panel < 200).any() for panel in np.array_split(drawn, 3, axis=1))
 
 
+@pytest.mark.slow
 def test_from_photos_to_a_page_by_the_commands(photos, captures, tmp_path, monkeypatch, capsys):
     """The session of docs/acquire.md by copy and paste, on fewer photos than `planish acquire virtual` makes."""
     monkeypatch.chdir(tmp_path)

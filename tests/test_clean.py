@@ -31,6 +31,7 @@ def test_a_good_sheet_passes_unchanged_and_without_a_word():
     assert (c.pieces, c.holes, c.warnings) == (1, 0, ())
 
 
+@pytest.mark.slow
 def test_a_hole_is_counted():
     points, faces = sheet()
     gone = (faces == 3 * 6 + 3).any(axis=1)

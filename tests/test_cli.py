@@ -43,6 +43,7 @@ def fails(capsys, code, sentence, *arguments):
 
 
 class TestRestore:
+    @pytest.mark.slow
     def test_a_book_page_comes_out_at_true_size_with_all_that_was_asked_for(self, book, tmp_path, capsys):
         path, made = book
         out = [tmp_path / name for name in ("page.tif", "bw.png", "flat.obj", "report.json", "stages")]
@@ -79,6 +80,7 @@ class TestRestore:
             "all.png",
         ]
 
+    @pytest.mark.slow
     def test_promised_keys_of_the_report_are_there(self, book, tmp_path):
         report = tmp_path / "r.json"
         assert (
@@ -99,6 +101,7 @@ class TestRestore:
         assert said["scan"]["points"] == len(book[1].scan.mesh.points)
         assert set(said["seconds"]) >= {"read", "clean", "flatten", "render", "binarize", "measure", "write"}
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("suffix", ["tif", "png", "jpg", "pdf"])
     def test_the_suffix_decides_the_format(self, book, tmp_path, suffix):
         page = tmp_path / f"page.{suffix}"
@@ -106,6 +109,7 @@ class TestRestore:
         magic = {"tif": (b"II", b"MM"), "png": (b"\x89PNG",), "jpg": (b"\xff\xd8",), "pdf": (b"%PDF",)}[suffix]
         assert page.read_bytes().startswith(magic)
 
+    @pytest.mark.slow
     def test_a_number_turns_the_page_clockwise_from_the_photo(self, book, tmp_path):
         sizes = {}
         for turn in ("0", "90", "180"):
@@ -118,6 +122,7 @@ class TestRestore:
         assert np.abs(np.rot90(sizes["0"], -1) - sizes["90"]).mean() < wrong / 3
         assert np.abs(sizes["0"][::-1, ::-1] - sizes["180"]).mean() < wrong / 3
 
+    @pytest.mark.slow
     def test_each_method_and_length_can_be_chosen(self, book, tmp_path):
         report = tmp_path / "r.json"
         for lengths in ("straight", "unfolded"):
@@ -168,6 +173,7 @@ class TestBadInput:
         own_book.write_text(own_book.read_text() + "f 1 2 999999\n")
         fails(capsys, 3, "999998, but the file has", "restore", own_book, "-o", tmp_path / "p.tif")
 
+    @pytest.mark.slow
     def test_points_that_are_not_numbers_are_left_out_and_said(self, own_book, tmp_path, capsys):
         lines = own_book.read_text().splitlines()
         at = [k for k, line in enumerate(lines) if line.startswith("v ")]
@@ -196,6 +202,7 @@ class TestBadInput:
         (tmp_path / "fan.obj").write_text("v 0 0 0\nv 0 0 100\n" + fan + "f 1 2 3\nf 1 2 4\nf 1 2 5\nf 1 2 6\n")
         fails(capsys, 3, "more than two faces", "flatten", tmp_path / "fan.obj", "-o", tmp_path / "f.obj")
 
+    @pytest.mark.slow
     def test_two_sheets_are_both_flattened_and_said(self, own_book, tmp_path, capsys):
         lines = own_book.read_text().splitlines()
         points = [line.split()[1:4] for line in lines if line.startswith("v ")]
@@ -208,6 +215,7 @@ class TestBadInput:
         assert run(["flatten", str(tmp_path / "two.obj"), "-o", str(tmp_path / "f.obj"), "--units", "mm"]) in (0, 5)
         assert "2 pieces" in capsys.readouterr().err
 
+    @pytest.mark.slow
     def test_a_hundred_thousand_random_points(self, tmp_path, capsys):
         rng = np.random.default_rng(0)
         points, faces = rng.normal(0, 100, (100_000, 3)), rng.integers(1, 100_001, (50_000, 3))
@@ -244,6 +252,7 @@ class TestBadInput:
         )
         fails(capsys, 3, "320", "restore", own_book, "--photo", photo, "--camera", camera, "-o", tmp_path / "p.tif")
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("mode", ["I;16", "CMYK", "L", "P"])
     def test_photos_of_other_kinds_are_drawn(self, own_book, tmp_path, mode):
         photo = next(p for p in own_book.parent.iterdir() if p.suffix in (".jpg", ".png"))
@@ -296,6 +305,7 @@ class TestBadOutput:
         )  # root may write anywhere, so the system's no is played
         fails(capsys, 4, "not permitted", "restore", book[0], "-o", tmp_path / "p.tif")
 
+    @pytest.mark.slow
     def test_a_full_disk_leaves_the_old_page_and_nothing_half_written(self, book, tmp_path):
         """A limit on the size of files stands in for a full disk: the system refuses in the middle of the page."""
         page = tmp_path / "page.tif"
@@ -316,6 +326,7 @@ class TestBadOutput:
         assert page.read_text() == "the old page"
         assert [p.name for p in tmp_path.iterdir()] == ["page.tif"]
 
+    @pytest.mark.slow
     def test_ctrl_c_leaves_nothing_half_written(self, book, tmp_path):
         page = tmp_path / "page.tif"
         job = subprocess.Popen(

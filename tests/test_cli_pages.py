@@ -14,6 +14,8 @@ from planish.errors import OutputError
 from planish.gallery import sheet, virtual_scan
 from planish.io import write_scan
 
+pytestmark = pytest.mark.slow
+
 
 def scanned(tmp_path_factory, name, **how):
     made = virtual_scan(sheet(name), **how)

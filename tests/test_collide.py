@@ -21,6 +21,7 @@ def hairpin(gap):
     return uv, Mesh(np.c_[x, uv[:, 1], z], faces)
 
 
+@pytest.mark.slow
 def test_near_pairs_are_those_that_asking_everybody_finds():
     rng = np.random.default_rng(4)
     x = rng.uniform(0, 4, (60, 3))
@@ -48,6 +49,7 @@ def test_over_face_gives_height_and_foot():
     assert over_face(x, 3, faces, 0) == pytest.approx((3, 1 - 0.25 - 0.125, 0.25, 0.125))
 
 
+@pytest.mark.slow
 def test_a_point_too_near_is_pushed_to_its_side_and_no_momentum_is_made():
     x = np.array([[0.0, 0, 0], [2, 0, 0], [0, 2, 0], [0.5, 0.5, -0.1]])
     was = x.copy()
@@ -58,6 +60,7 @@ def test_a_point_too_near_is_pushed_to_its_side_and_no_momentum_is_made():
     np.testing.assert_allclose(x.mean(0), was.mean(0), atol=1e-12)
 
 
+@pytest.mark.slow
 def test_layers_that_lie_over_each_other_are_kept_apart_or_the_report_says_so():
     uv, mesh = hairpin(12.0)
     sticks = make_sticks(mesh, topology(mesh.faces, len(uv)), "unfolded")

@@ -15,6 +15,7 @@ ROOT = Path(__file__).parent.parent
 PAGES = [*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("maker", "made"), [("make_cli", "cli.md"), ("make_man", "planish.1"), ("make_schema", "report.schema.json")]
 )
@@ -45,6 +46,7 @@ def test_exit_codes_in_the_docs_are_the_real_ones():
     assert f"| {TERMINATED} |" in text
 
 
+@pytest.mark.slow
 def test_everything_named_for_python_users_can_be_had_and_is_explained():
     for name in planish.__all__:
         assert getattr(planish, name).__doc__, name

@@ -39,6 +39,7 @@ def lying(points):
     return np.sort(np.linalg.norm(points, axis=1))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", WITH_PHOTO + PHOTO_TO_BE_GIVEN)
 def test_the_sheet_is_the_same(name, original, size):
     found = read_scan(HERE / name, photo=[HERE / "scan.jpg"] if name in PHOTO_TO_BE_GIVEN else None)

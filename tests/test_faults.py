@@ -87,6 +87,7 @@ class _Counted:
         self.file.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["flat.obj", "flat.ply", "flat.glb"])
 def test_a_disk_that_is_full_after_any_write_of_a_mesh(sheet, tmp_path, monkeypatch, capsys, name):
     flat, report = tmp_path / name, tmp_path / "report.json"
@@ -147,6 +148,7 @@ def test_whatever_the_system_refuses_is_said_in_a_sentence(tmp_path, monkeypatch
         assert names(tmp_path) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("manner", ["writing", "writing_folder"])
 def test_what_a_killed_process_left_is_taken_away_by_the_next(tmp_path, manner):
     target = tmp_path / "page"
@@ -199,6 +201,7 @@ def test_many_that_write_to_one_place_at_once_leave_one_whole_file(tmp_path):
     assert names(tmp_path) == ["page.tif"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("number", "how"),
     [(signal.SIGTERM, "ended by SIGTERM"), (signal.SIGINT, "interrupted")],
@@ -240,6 +243,7 @@ def test_a_signal_while_planish_is_still_being_loaded(tmp_path):
     assert done.stderr == "planish: interrupted before anything was done\n"
 
 
+@pytest.mark.slow
 def test_a_signal_in_the_middle_of_decoding_is_not_silenced(tmp_path):
     code = (
         "import os, signal, sys, threading\n"

@@ -42,6 +42,7 @@ TRUE = {"multigrid": 2e-3, "verlet": 2e-3, "mass-spring": 0.13}
 
 @pytest.mark.parametrize("method", METHODS)
 class TestContract:
+    @pytest.mark.slow
     def test_a_bent_sheet_comes_out_flat_and_true(self, method):
         done, page = flat(arch(UV, RADIUS), method=method)
         assert done.outcome is Outcome.SETTLED
@@ -83,6 +84,7 @@ class TestContract:
         ab, ac = (page[FACES[:, k]] - page[FACES[:, 0]] for k in (1, 2))
         assert (ab[:, 0] * ac[:, 1] < ab[:, 1] * ac[:, 0]).all()  # y runs down
 
+    @pytest.mark.slow
     def test_reduced_to_fewer_points_every_point_still_has_its_place(self, method):
         uv, faces = grid(60, 45)
         done, page = flat(arch(uv, RADIUS), faces, method=method, points=300)
@@ -105,6 +107,7 @@ class TestContract:
         got = [np.linalg.norm(p[1] - p[0]) for p in (page[[0, 1]], page[[1, 2]], page[[2, 0]])]
         assert got == pytest.approx(lengths, rel=1e-6)
 
+    @pytest.mark.slow
     def test_a_ball_that_cannot_lie_flat_ends_with_finite_places_and_its_strain_told(self, method):
         u, v = np.pi * (UV[:, 0] / 200 - 0.5) * 0.8, np.pi * (UV[:, 1] / 280 - 0.5) * 0.8
         ball = 100 * np.c_[np.sin(u) * np.cos(v), np.sin(v), np.cos(u) * np.cos(v)]

@@ -25,6 +25,7 @@ def opencv_xy(camera, points):
     ][:, 0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SHEETS)
 def test_points_lie_on_the_sheet_and_photo_xy_is_their_place_in_the_photo(name):
     virtual = virtual_scan(
@@ -41,6 +42,7 @@ def test_points_lie_on_the_sheet_and_photo_xy_is_their_place_in_the_photo(name):
     assert (scan.photo_xy < [cols - 1, rows - 1]).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["book", "crumpled", "curl"])
 def test_the_range_image_has_square_pixels(name):
     scan = virtual_scan(sheet(name), points=20_000, photo_px=(400, 300), printed=white_page()).scan
@@ -63,6 +65,7 @@ def test_faces_show_the_printed_side_to_the_camera(name):
     assert (towards > 0).mean() > 0.999  # a pixel on the very horizon may be seen through a flat face
 
 
+@pytest.mark.slow
 def test_hidden_parts_have_no_points_and_nothing_spans_the_gap():
     bent = sheet("curl", turn_deg=150.0, length_mm=140.0)
     virtual = virtual_scan(bent, points=30_000, photo_px=None)
@@ -103,6 +106,7 @@ def test_errors_run_along_the_ray(noise_mm):
     assert (along / (first + (last - first) * place)).std() == pytest.approx(1, abs=0.03)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["book", "letter", "crumpled", "miura"])
 def test_print_is_seen_where_geometry_says(name):
     bent = sheet(name)
@@ -148,6 +152,7 @@ def test_the_light_is_that_of_a_near_lamp():
     np.testing.assert_allclose(scan.photo[row, col][inside], wanted[inside], atol=1.2)  # rounding, half a pixel aside
 
 
+@pytest.mark.slow
 def test_the_sheet_throws_a_shadow():
     bent = sheet("letter")
     options = {"points": 500, "photo_px": (640, 480), "printed": white_page(), "grain": 0}
@@ -155,6 +160,7 @@ def test_the_sheet_throws_a_shadow():
     assert dark[0].mean() > dark[1].mean() + 0.02
 
 
+@pytest.mark.slow
 def test_print_finer_than_the_photo_is_averaged_in_linear_light():
     shape = (round(279.4 * 150 / 25.4), round(215.9 * 150 / 25.4))
     board = (255 * (np.indices(shape).sum(0) % 2)).astype(np.uint8)
@@ -168,6 +174,7 @@ def test_print_finer_than_the_photo_is_averaged_in_linear_light():
     assert ratio.std() < 0.06  # no moire: a pixel holds a dozen squares
 
 
+@pytest.mark.slow
 def test_grain_is_the_noise_of_the_photo():
     options = {"points": 500, "photo_px": (516, 387), "printed": white_page()}
     clean = virtual_scan(sheet("flat"), grain=0, **options).scan.photo.astype(float)
@@ -175,6 +182,7 @@ def test_grain_is_the_noise_of_the_photo():
     assert (grainy - clean).std() == pytest.approx(3, rel=0.03)
 
 
+@pytest.mark.slow
 def test_other_frames_and_windings_hold_the_same_scan():
     options = {"points": 3000, "photo_px": (400, 300), "printed": white_page(), "tilt_deg": 40.0}
     table = virtual_scan(sheet("book"), **options).scan
@@ -201,6 +209,7 @@ def test_a_scan_can_do_without_a_photo():
     assert scan.camera is not None
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_scan():
     options = {"points": 1000, "photo_px": (400, 300), "printed": white_page(), "noise_mm": 0.1}
     a, b, other = (virtual_scan(sheet("wave"), rng=seed, **options).scan for seed in (5, 5, 6))

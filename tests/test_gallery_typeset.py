@@ -71,6 +71,7 @@ def test_page_numbers_stand_at_the_outer_edge():
     assert typeset_page(page_number=17, dpi=60)[1].splitlines()[0].endswith(" 17")
 
 
+@pytest.mark.slow
 def test_table_drawing_picture_and_stamp_appear_when_asked_for():
     plain, text = typeset_page(dpi=100, table=False)
     assert "Tissue" not in text
@@ -100,6 +101,7 @@ def test_a_spread_has_two_pages():
     assert "\nOn paper that will not lie flat 17\n" in text
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(shutil.which("tesseract") is None, reason="Tesseract is not installed")
 def test_tesseract_reads_what_was_set(tmp_path):
     page, text = typeset_page()

@@ -67,6 +67,7 @@ def test_the_order_is_that_of_opencv():
     assert all((a == 255 - b).all() for a, b in zip(frames[::2], frames[1::2], strict=True))
 
 
+@pytest.mark.slow
 def test_codes_are_right_to_a_pixel_and_refined_to_a_thirtieth(capture, truth):
     seen, place = truth
     codes = decode(capture.frames, PROJECTOR)
@@ -78,6 +79,7 @@ def test_codes_are_right_to_a_pixel_and_refined_to_a_thirtieth(capture, truth):
     assert np.nanquantile(fine, 0.95) < 0.2  # ink's edges, and the last pixels before the sheet's
 
 
+@pytest.mark.slow
 def test_the_book_page_is_true_to_a_twentieth_of_a_millimetre(rig, capture, truth):
     made = from_gray_code(capture.frames, *rig, capture.photo)
     column, row = made.scan.photo_xy.astype(int).T
@@ -92,6 +94,7 @@ def test_the_book_page_is_true_to_a_twentieth_of_a_millimetre(rig, capture, trut
     assert len(made.scan.mesh.points) > 0.97 * area  # ink does not tear holes
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("unresolved", [1, 2])
 def test_stripes_too_fine_for_the_camera_leave_no_holes(capture, truth, unresolved):
     """The finest rows are grey with some noise, as a camera sees them that does not resolve them."""
@@ -109,6 +112,7 @@ def test_stripes_too_fine_for_the_camera_leave_no_holes(capture, truth, unresolv
     assert np.median(error[:, 1]) < 0.1  # crossings two or four times as far apart, of the same exactness each
 
 
+@pytest.mark.slow
 def test_without_refining_there_are_terraces(rig, capture, truth):
     """What the refinement is for: the plain codes' points lie off by far more."""
     codes = decode(capture.frames, PROJECTOR)
@@ -120,6 +124,7 @@ def test_without_refining_there_are_terraces(rig, capture, truth):
     assert off[1] < off[0] / 10
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("factor", [2.0, 0.5, 1.5])
 def test_a_projector_calibrated_at_another_scale_is_refused_with_the_factor(rig, capture, factor):
     camera, projector = rig
@@ -134,6 +139,7 @@ def test_a_projector_calibrated_at_another_scale_is_refused_with_the_factor(rig,
     assert check_fit(camera, coarser(wrong, factor), xy, code) < 0.01
 
 
+@pytest.mark.slow
 def test_patterns_that_were_stretched_one_way_are_refused(rig):
     """The projector stands above the camera, where rays miss each other little if its rows alone are scaled."""
     camera, _ = rig
@@ -148,6 +154,7 @@ def test_patterns_that_were_stretched_one_way_are_refused(rig):
             check_fit(camera, projector, xy, stretched)
 
 
+@pytest.mark.slow
 def test_errors_that_no_scale_explains_are_not_put_down_to_one(rig):
     """Rays that miss each other a little are noted, not refused, and a bent sheet is not made flat."""
     camera, projector = rig
@@ -158,6 +165,7 @@ def test_errors_that_no_scale_explains_are_not_put_down_to_one(rig):
     assert 0.7 < check_fit(camera, moved, project(camera, points), project(projector, points)) < 2.5
 
 
+@pytest.mark.slow
 def test_a_projector_that_was_moved_is_refused(rig):
     camera, projector = rig
     points = np.random.default_rng(0).uniform([-90, -120, 0], [90, 120, 30], (2000, 3))
@@ -191,6 +199,7 @@ BAD = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", BAD)
 def test_photos_that_cannot_be_decoded_are_named(capture, case):
     spoil, sentence = BAD[case]
@@ -200,6 +209,7 @@ def test_photos_that_cannot_be_decoded_are_named(capture, case):
     assert sentence in str(said.value)
 
 
+@pytest.mark.slow
 def test_photos_of_another_camera_and_impossible_scales_are_refused(rig, capture):
     with pytest.raises(InputError, match="the photos are 320 x 512 pixels, but the camera's"):
         from_gray_code(capture.frames[:, :, ::2], *rig)
@@ -213,6 +223,7 @@ def test_codes_are_read_only():
         codes.row[0, 0] = 1
 
 
+@pytest.mark.slow
 def test_the_commands_go_from_photos_to_a_scan(rig, capture, tmp_path, capsys):
     for k, frame in enumerate(capture.frames):
         cv2.imwrite(str(tmp_path / f"{k}.png"), frame)  # 0, 1, 2 ... 10: numbers in names count as numbers

@@ -107,6 +107,7 @@ def read_or_refused(read, *args):
 quick = settings(max_examples=150, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", MESHES)
 @quick
 @given(data=st.data())
@@ -119,6 +120,7 @@ def test_damaged_meshes(kind, data):
         assert len(triangulate(mesh.points, mesh.polygons)) >= 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", PHOTOS)
 @quick
 @given(data=st.data())
@@ -130,6 +132,7 @@ def test_damaged_photos(kind, data):
         assert photo.pixels.dtype in (np.uint8, np.uint16)
 
 
+@pytest.mark.slow
 @quick
 @given(data=st.data())
 def test_damaged_grids(data):

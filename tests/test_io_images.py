@@ -205,6 +205,7 @@ def test_a_cut_photo_is_noticed(name):
             decode_photo("photo", data[: int(len(data) * share)])
 
 
+@pytest.mark.slow
 def test_large_photos_are_read_without_a_word():
     large = Image.new("1", (12_000, 9_000))  # 108 megapixels: Pillow warns from 89 on
     assert decode_photo("photo.png", encoded(large, "PNG")).pixels.shape == (9_000, 12_000, 3)

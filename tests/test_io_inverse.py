@@ -84,6 +84,7 @@ def test_obj(mesh):
     check_same(*mesh, found, point_error=(0, 5.1e-7), uv_error=5.1e-9)  # 6 and 8 digits
 
 
+@pytest.mark.slow
 @some
 @given(mesh=meshes(largest=140))  # from 128 corners on the count of a list needs more than a byte
 def test_ply_with_texture_of_the_faces(mesh):
@@ -101,6 +102,7 @@ def test_ply_with_texture_of_the_points(mesh, data):
     np.testing.assert_array_equal(found.polygons.uv[found.polygons.uv_corners], uv[polygons.corners])
 
 
+@pytest.mark.slow
 @some
 @given(mesh=meshes(largest=3), image=st.none() | st.just(b"\x89PNG and so on"), data=st.data())
 def test_glb(mesh, image, data):
@@ -114,6 +116,7 @@ def test_glb(mesh, image, data):
     assert found.texture == (image if uv is not None else None)
 
 
+@pytest.mark.slow
 @some
 @given(
     shape=st.tuples(st.integers(2, 7), st.integers(2, 7)),
@@ -166,6 +169,7 @@ def test_cameras(camera, mm_per_unit, tmp_path_factory):
     check_same_camera(read_camera(path, "a.jpg", mm_per_unit=mm_per_unit), camera)
 
 
+@pytest.mark.slow
 @some
 @given(camera=cameras(), planes=arrays(np.float64, (2, 4), elements=st.floats(-1e3, 1e3)))
 def test_lasers(camera, planes, tmp_path_factory):

@@ -115,6 +115,7 @@ def test_a_scan_knows_the_files_it_came_from(tmp_path):
     assert [path.name for path in read_scan(tmp_path / "sheet.glb").sources] == ["sheet.glb"]
 
 
+@pytest.mark.slow
 def test_the_method_is_said_in_a_sentence():
     mesh, _ = sheet_mesh(known_sheet("book"), points=3000)
     done = planish.restore(Scan(mesh), RestoreSettings(flatten=FlattenSettings(lengths="unfolded")))

@@ -174,6 +174,7 @@ def layer(page):
     return text_layer(page, "eng")
 
 
+@pytest.mark.slow
 @with_tesseract
 @with_poppler
 def test_text_can_be_searched_and_lies_on_its_letters(tmp_path, page, layer):
@@ -193,6 +194,7 @@ def test_text_can_be_searched_and_lies_on_its_letters(tmp_path, page, layer):
     assert np.mean(np.array(covered) > 0.05) > 0.95  # a box a line or a word aside would lie on blank paper as often
 
 
+@pytest.mark.slow
 @with_tesseract
 def test_the_text_is_not_seen(tmp_path, page, layer):
     path = tmp_path / "page.pdf"
@@ -207,6 +209,7 @@ def test_the_text_is_not_seen(tmp_path, page, layer):
     assert not re.search(rb"(?<!3) Tr\b", commands)
 
 
+@pytest.mark.slow
 @with_tesseract
 @pytest.mark.parametrize("quarters", [0, 1, 2, 3])
 def test_tesseract_tells_the_way_up(page, quarters):
@@ -215,6 +218,7 @@ def test_tesseract_tells_the_way_up(page, quarters):
     assert way_up(turned) == 90 * quarters
 
 
+@pytest.mark.slow
 @with_tesseract
 def test_blank_pages_and_capitals_have_no_way_up():
     assert way_up(page_of(np.full((300, 200, 3), 255, np.uint8))) is None

@@ -52,6 +52,7 @@ def paper():
     return made, made.frame(0)
 
 
+@pytest.mark.slow
 def test_a_book_page_comes_out_of_two_lines(book):
     made, lit = book
     acquired = from_laser_lines(lit, made.photo, made.camera, made.planes[0])
@@ -63,6 +64,7 @@ def test_a_book_page_comes_out_of_two_lines(book):
     assert np.array_equal(acquired.scan.photo, made.photo)
 
 
+@pytest.mark.slow
 def test_without_a_laser_off_photo_the_lines_are_told_by_their_colour(book):
     made, lit = book
     acquired = from_laser_lines(lit, None, made.camera, made.planes[0], mask=None)
@@ -72,6 +74,7 @@ def test_without_a_laser_off_photo_the_lines_are_told_by_their_colour(book):
     assert np.median(np.abs(two_lines(lit)[both] - two_lines(lit, made.photo)[both])) < 0.1
 
 
+@pytest.mark.slow
 def test_the_direction_of_the_rulings_is_found_where_the_camera_is_askew(book):
     made, _ = book
     camera = overhead_camera(made.sheet, PHOTO_PX, turn_deg=6.0, tilt_deg=5.0)
@@ -81,6 +84,7 @@ def test_the_direction_of_the_rulings_is_found_where_the_camera_is_askew(book):
     assert np.degrees(np.arccos(abs(along[1]))) < 0.5  # the book's rulings are the y axis of the table
 
 
+@pytest.mark.slow
 def test_unrolled_places_keep_their_distances(paper):
     made, lit = paper
     upper, lower = points_of(two_lines(lit, made.photo), made.camera, made.planes[0])
@@ -93,6 +97,7 @@ def test_unrolled_places_keep_their_distances(paper):
         assert np.median(np.abs(got - want)) < 0.1
 
 
+@pytest.mark.slow
 def test_the_lasers_are_found_again_from_squared_paper(paper):
     made, lit = paper
     rig = rig_of_squares(lit, made.photo, made.camera, 8.0)
@@ -103,6 +108,7 @@ def test_the_lasers_are_found_again_from_squared_paper(paper):
         assert np.abs(points @ found[:3] + found[3]).max() < 0.5  # mm, within the height of the book
 
 
+@pytest.mark.slow
 def test_the_lens_is_found_with_them(paper):
     made, lit = paper
     rig = rig_of_squares(lit, made.photo, made.camera, 8.0, lens=True)
@@ -115,6 +121,7 @@ def test_the_lens_is_found_with_them(paper):
     assert abs(off[0]) < 10  # of 12: across it a shift is almost a turn of the book
 
 
+@pytest.mark.slow
 def test_squares_are_numbered_as_they_lie(paper):
     made, _ = paper
     lattices = find_squares(made.photo)
@@ -152,6 +159,7 @@ def boards():
     return board, camera, photos, planes
 
 
+@pytest.mark.slow
 def test_laser_planes_from_boards(boards):
     board, camera, photos, planes = boards
     found = planes_of_boards(photos, list("abcd"), camera, board, lines=2)
@@ -163,6 +171,7 @@ def test_laser_planes_from_boards(boards):
         assert abs(plane[3] - true[3]) < 1.0  # mm, 500 mm from the board
 
 
+@pytest.mark.slow
 def test_boards_that_do_not_do_are_named(boards):
     board, camera, photos, _ = boards
     with pytest.raises(InputError, match="almost one line in space"):
@@ -190,6 +199,7 @@ def mirror():
     return board, camera, photos, np.array(planes)
 
 
+@pytest.mark.slow
 def test_the_axis_of_a_mirror_is_found(mirror):
     board, camera, photos, planes = mirror
     found = axis_of_boards(photos, list("abcdef"), camera, board, turned_deg(planes))
@@ -202,6 +212,7 @@ def test_the_axis_of_a_mirror_is_found(mirror):
         assert np.abs(lit @ at[:3] + at[3]).max() < 1.0  # mm, at 1/2 of the shown range beyond it; within 0.3
 
 
+@pytest.mark.slow
 def test_angles_that_do_not_do_are_named(mirror):
     board, camera, photos, planes = mirror
     names, angles = list("abcdef"), turned_deg(planes)
@@ -218,6 +229,7 @@ def test_angles_that_do_not_do_are_named(mirror):
         axis_of_boards([stray, *photos[1:]], names, camera, board, angles)
 
 
+@pytest.mark.slow
 def test_lasers_of_another_camera_are_refused(book, tmp_path):
     made, _ = book
     write_rig(tmp_path / "rig.json", made.planes[0], made.camera, axis=(np.zeros(3), np.array([0.0, 1, 0])))
@@ -235,6 +247,7 @@ def test_lasers_of_another_camera_are_refused(book, tmp_path):
         read_motion(tmp_path / "motion.csv", ["a", "b"])
 
 
+@pytest.mark.slow
 def test_bad_input_is_a_sentence(book, paper):
     made, lit = book
     planes = made.planes[0]
@@ -256,6 +269,7 @@ def test_bad_input_is_a_sentence(book, paper):
         rig_of_squares(shot, page.photo, replace(page.camera, shape_rc=(900, 700)), 8.0)
 
 
+@pytest.mark.slow
 def test_commands_from_squared_paper_to_scan(book, paper, tmp_path, capsys):
     known = np.ones(book[0].camera.shape_rc, bool)
     sheets = {"on": paper[1], "off": paper[0].photo, "book": book[1], "book-off": book[0].photo}

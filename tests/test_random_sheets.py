@@ -7,6 +7,7 @@ import pytest
 from random_sheets import check
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hundred", range(10))
 def test_random_sheets(hundred):
     ended = Counter(check(seed) for seed in range(100 * hundred, 100 * hundred + 100))

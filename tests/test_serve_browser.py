@@ -9,6 +9,8 @@ from planish.gallery import sheet, virtual_scan
 from planish.io import write_scan
 from serve_process import PATIENCE, Server
 
+pytestmark = pytest.mark.slow
+
 WIDTHS = {"phone": (390, 844), "tablet": (768, 1024), "desk": (1440, 900)}
 
 

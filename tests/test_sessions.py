@@ -12,6 +12,8 @@ import pytest
 
 from planish.cli.main import run
 
+pytestmark = pytest.mark.slow
+
 DOCS = Path(__file__).parent.parent / "docs"
 SESSIONS = [
     (page, block.splitlines())

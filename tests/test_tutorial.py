@@ -10,6 +10,8 @@ import pytest
 
 from planish.cli.main import run
 
+pytestmark = pytest.mark.slow
+
 PAGE = (Path(__file__).parent.parent / "docs" / "tutorial.md").read_text()
 FAILING = {"--units mm": 3, "mv letter.jpg": 3, "batch": 3}
 """Commands that the page says do not end well, by what they have that others have not."""

@@ -19,6 +19,7 @@ def sheet(rows=12, cols=12, bend=arch):
     return uv, mesh, make_sticks(mesh, topology(faces, len(uv)), "unfolded")
 
 
+@pytest.mark.slow
 def test_the_kernels_do_what_the_formulas_say():
     _, mesh, sticks = sheet(4, 5)
     x, before = mesh.points.copy(), mesh.points + 0.01
@@ -82,6 +83,7 @@ def test_settings_out_of_range_are_refused(bad):
         VerletSettings(**bad)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["book", "letter", "spread", "miura"])
 def test_it_settles_where_the_least_energy_lies(name):
     """The same 1,000 points and sticks by both methods; 0.01 to 0.02 mm apart where folds are cut short."""

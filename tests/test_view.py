@@ -93,6 +93,7 @@ def document(page):
     return Document(page)
 
 
+@pytest.mark.slow
 def test_it_is_one_file_that_asks_for_no_other(page, document):
     assert len(page) < 15e6
     links = [
@@ -179,6 +180,7 @@ def test_the_report_stands_in_words(done, document):
     assert report.guideline.name in document.text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("quarter", [0, 1])
 def test_a_photo_of_a_flat_sheet_lies_right_over_its_page(quarter):
     """Whichever way the camera was held."""
@@ -200,6 +202,7 @@ def test_a_photo_of_a_flat_sheet_lies_right_over_its_page(quarter):
     assert np.median(np.abs(fitted - restored)) < 4
 
 
+@pytest.mark.slow
 def test_a_texture_in_patches_is_no_photo(scan):
     """As photogrammetry makes them: the sheet is drawn from above instead."""
     uv, faces = grid(29, 21, 200.0, 280.0)
@@ -213,6 +216,7 @@ def test_a_texture_in_patches_is_no_photo(scan):
     assert layers[0]["title"] == "From above"
 
 
+@pytest.mark.slow
 def test_hostile_words_stay_words(scan, done):
     loaded = replace(
         done, report=replace(done.report, warnings=[Diagnostic("hostile", HOSTILE)], sources={HOSTILE: HOSTILE})
@@ -244,6 +248,7 @@ def test_the_least_of_sheets_is_shown_too(height):
     assert "scan?.obj" in document.text
 
 
+@pytest.mark.slow
 def test_a_spread_shows_where_its_pages_part():
     scan = virtual_scan(sheet("spread"), points=2500, photo_px=(600, 450)).scan
     done = planish.restore(scan, RestoreSettings(pages="2"))
@@ -283,6 +288,7 @@ def test_watching_changes_nothing():
     assert len(seen) == len(alone.residuals) + 2  # before the first step, and when it was let go
 
 
+@pytest.mark.slow
 def test_a_sheet_that_is_turned_in_space_is_carried_whole():
     """A rigid motion of the coarse points moves the fine ones alike, those off the coarse faces too."""
     uv, faces = grid(9, 7)
@@ -327,6 +333,7 @@ def test_the_bundle_carries_the_licence_of_what_it_holds():
     assert "The above copyright notice and this permission notice shall be included" in " ".join(bundle[:2000].split())
 
 
+@pytest.mark.slow
 def test_building_it_anew_gives_the_same_bytes(tmp_path):
     """Where `make view` has filled npm's cache; elsewhere the test above holds the sources and the bundle together."""
     if shutil.which("npm") is None:

@@ -14,6 +14,8 @@ from browser import Overheard, browser
 from planish.gallery import sheet, virtual_scan
 from planish.view import view_page
 
+pytestmark = pytest.mark.slow
+
 WIDTHS = {"phone": (390, 844), "tablet": (768, 1024), "desk": (1440, 900)}
 READY = ":root[data-ready]"
 

@@ -11,6 +11,8 @@ from planish.job.from_report import inputs_from_report
 from planish.settings import BinarizeSettings, FlattenSettings, RestoreSettings, VerletSettings
 from test_view import Document
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def folder(book_scan, tmp_path_factory):

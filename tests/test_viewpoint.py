@@ -21,6 +21,7 @@ def scanned(noise_mm=0.05, **kwargs):
     return made, project(camera, mesh.points), edges, -camera.rotation.T @ camera.translation
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise_mm", [0.0, 0.05, 0.5])
 def test_a_range_scan_tells_where_it_was_taken_from_whatever_its_noise(noise_mm):
     made, photo_xy, edges, truth = scanned(noise_mm, tilt_deg=12.0)
@@ -57,6 +58,7 @@ def test_nothing_is_told_without_places_on_a_photo_or_from_one_place():
     assert viewpoint(made.scan.mesh, np.zeros((len(made.scan.mesh.faces), 3, 2)), edges) is None
 
 
+@pytest.mark.slow
 def test_the_page_of_a_range_scan_is_truer_than_its_noise_along_the_sheet():
     made, photo_xy, _, _ = scanned(0.2)
     told = restore(replace(made.scan, photo_xy=photo_xy))

@@ -10,6 +10,8 @@ from planish.gallery import sheet, virtual_scan
 from planish.settings import RenderSettings, RestoreSettings
 from planish.types import Page
 
+pytestmark = pytest.mark.slow
+
 SETTINGS = RestoreSettings(render=RenderSettings(dpi=60.0))
 
 
