@@ -1,4 +1,4 @@
-"""What a batch does again and what not, what becomes of bad scans, and what stands in the output at every moment.
+"""Batch: which items are restored again, handling of failures, and the state of the output folder at every moment.
 
 The restorations are stood in for: each copies one real result.
 """
@@ -39,23 +39,23 @@ def real(tmp_path_factory):
 
 @pytest.fixture
 def restored(real, monkeypatch):
-    """Stand in for `run`: scans that read "bad" are refused, all others give one page. Lists what was asked for."""
+    """Replace `run`: scans that contain "bad" fail, all others give the same page. Lists the requested scans."""
     asked = []
 
-    def stand_in(make_job, progress):
-        text = make_job.scan.read_text()
-        asked.append(make_job.scan.parent.name)
+    def stand_in(job, progress):
+        text = job.scan.read_text()
+        asked.append(job.scan.parent.name)
         if text.startswith("bad"):
-            raise InputError(f"{make_job.scan} is bad")
+            raise InputError(f"{job.scan} is bad")
         done, out = real
         report = replace(
             done.report,
             settled=not text.startswith("arched"),
             warnings=[Diagnostic("odd", "odd")] * text.startswith("odd"),
         )
-        shutil.copy(out / "page.tif", make_job.outputs.page)
-        write_json(make_job.outputs.report, report)
-        return JobResult(report, [make_job.outputs.page, make_job.outputs.report])
+        shutil.copy(out / "page.tif", job.outputs.page)
+        write_json(job.outputs.report, report)
+        return JobResult(report, [job.outputs.page, job.outputs.report])
 
     monkeypatch.setattr("planish.batch.task.run", stand_in)
     monkeypatch.setattr(
@@ -77,7 +77,7 @@ def restore_all(folder, **how):
     return batch(find_items(folder / "in"), folder / "out", SynchronousPool, how.pop("options"), **how)
 
 
-def test_every_item_has_its_folder_and_the_worst_come_first(folder, restored):
+def test_every_item_has_its_own_folder_and_rows_are_sorted_worst_first(folder, restored):
     calls = []
     counts = restore_all(folder, progress=lambda row, count, now: calls.append((row.name, count, now)))
     assert (counts.items, counts.failed, counts.not_settled, counts.warned, counts.done_now) == (5, 1, 1, 1, 5)
@@ -102,7 +102,7 @@ def test_a_second_run_does_nothing(folder, restored):
     assert digests(folder / "out") == before
 
 
-def test_only_what_changed_is_done_again(folder, restored):
+def test_only_changed_items_are_restored_again(folder, restored):
     restore_all(folder)
     restored.clear()
     (folder / "in" / "b" / "scan.obj").write_text("mended")
@@ -114,10 +114,10 @@ def test_only_what_changed_is_done_again(folder, restored):
     assert counts.done_now == 2
     assert [(name, now) for name, _, now in calls] == [("d", 0), ("e", 0), ("a", 1), ("b", 2), ("c", 3)]  # a was read
     assert (folder / "out" / "b" / "page.tif").exists()
-    assert not (folder / "out" / "c" / "page.tif").exists()  # nothing passes for the page of the scan as it is now
+    assert not (folder / "out" / "c" / "page.tif").exists()  # no outdated page is left
 
 
-def test_scans_that_moved_are_not_done_again(folder, restored):
+def test_moved_scans_are_not_restored_again(folder, restored):
     restore_all(folder)
     restored.clear()
     shutil.copytree(folder / "in", folder / "elsewhere")
@@ -134,14 +134,14 @@ def test_scans_that_moved_are_not_done_again(folder, restored):
         replace(OPTIONS, files=BatchFiles(mask=True)),
     ],
 )
-def test_other_settings_do_everything_again(folder, restored, other):
+def test_other_settings_restore_everything_again(folder, restored, other):
     restore_all(folder)
     restored.clear()
     restore_all(folder, options=other)
     assert restored == list("abcde")
 
 
-def test_what_failed_is_tried_again_only_when_asked(folder, restored):
+def test_failed_items_are_retried_only_on_request(folder, restored):
     restore_all(folder)
     restored.clear()
     restore_all(folder)
@@ -149,27 +149,27 @@ def test_what_failed_is_tried_again_only_when_asked(folder, restored):
     assert restored == ["b"]
 
 
-def test_a_process_that_is_killed_gets_a_second_try_and_another_by_the_next_run(folder, restored, monkeypatch):
+def test_a_killed_process_gets_a_second_try_and_another_in_the_next_run(folder, restored, monkeypatch):
     deaths = {"a": 1, "c": 2}
 
-    def mortal(work, task, limits, stop):
+    def killed_worker(function, task, limits, stop):
         if deaths.get(task.item.name, 0):
             deaths[task.item.name] -= 1
             raise WorkerDiedError("the process was killed")
         if task.item.name == "d":
             raise LimitError("it took too long")
-        return work(task, None)
+        return function(task, None)
 
-    monkeypatch.setattr("planish.batch.task.run_in_subprocess", mortal)
+    monkeypatch.setattr("planish.batch.task.run_in_subprocess", killed_worker)
     counts = restore_all(folder)
     assert counts.failed == 3
     assert (folder / "out" / "a" / "page.tif").exists()
     restored.clear()
     restore_all(folder)
-    assert restored == ["c"]  # not d, which would only take too long again
+    assert restored == ["c"]  # not d, which would exceed the time limit again
 
 
-def test_a_deleted_file_is_made_again(folder, restored):
+def test_a_deleted_file_is_written_again(folder, restored):
     restore_all(folder)
     restored.clear()
     (folder / "out" / "c" / "page.tif").unlink()
@@ -179,7 +179,7 @@ def test_a_deleted_file_is_made_again(folder, restored):
 
 
 @pytest.mark.parametrize("left", [0, 1, 100, -1, -20])
-def test_a_journal_that_was_cut_short_costs_no_work(folder, restored, left):
+def test_a_truncated_journal_costs_no_work(folder, restored, left):
     restore_all(folder)
     before = digests(folder / "out")
     restored.clear()
@@ -191,7 +191,7 @@ def test_a_journal_that_was_cut_short_costs_no_work(folder, restored, left):
     assert len(journal.read_bytes().splitlines()) == 5
 
 
-def test_a_run_that_was_killed_between_moving_and_noting_is_taken_up(folder, restored, monkeypatch):
+def test_a_run_killed_between_publishing_and_recording_can_be_resumed(folder, restored, monkeypatch):
     def killed(self, entry):
         raise KeyboardInterrupt
 
@@ -204,7 +204,7 @@ def test_a_run_that_was_killed_between_moving_and_noting_is_taken_up(folder, res
     assert restored == list("abcde")
 
 
-def test_what_an_earlier_run_left_half_done_is_cleared_away(folder, restored):
+def test_unfinished_items_of_an_earlier_run_are_removed(folder, restored):
     left = folder / "out" / ".planish" / "work" / "1234"
     left.mkdir(parents=True)
     (left / "page.tif").write_text("half")
@@ -212,11 +212,11 @@ def test_what_an_earlier_run_left_half_done_is_cleared_away(folder, restored):
     assert not left.exists()
 
 
-# What ends a run
+# Errors that end a run
 
 
-def test_a_full_disk_ends_the_run_and_is_no_fault_of_the_scan(folder, restored, monkeypatch):
-    def full(make_job, progress):
+def test_a_full_disk_ends_the_run_and_fails_no_scan(folder, restored, monkeypatch):
+    def full(job, progress):
         raise OutputError("there is no room left") from OSError(errno.ENOSPC, "No space left on device")
 
     with monkeypatch.context() as patch:
@@ -227,8 +227,8 @@ def test_a_full_disk_ends_the_run_and_is_no_fault_of_the_scan(folder, restored, 
     assert restore_all(folder).done_now == 5
 
 
-def test_a_page_too_large_for_its_format_is_the_scans_own_fault(folder, restored, monkeypatch):
-    def too_large(make_job, progress):
+def test_a_page_too_large_for_its_format_fails_the_scan(folder, restored, monkeypatch):
+    def too_large(job, progress):
         raise OutputError("a JPEG has at most 65500 pixels a side")
 
     monkeypatch.setattr("planish.batch.task.run", too_large)
@@ -244,7 +244,7 @@ def test_two_runs_into_one_folder_are_refused(folder, restored):
     restore_all(folder)
 
 
-def test_what_is_not_ours_is_not_touched(folder, restored):
+def test_foreign_files_are_not_touched(folder, restored):
     (folder / "out" / "c").mkdir(parents=True)
     (folder / "out" / "c" / "mine.txt").write_text("mine")
     with pytest.raises(OutputError, match="exists and was not made by planish batch"):
@@ -254,7 +254,7 @@ def test_what_is_not_ours_is_not_touched(folder, restored):
 
 
 @pytest.mark.parametrize("out", ["in", "in/out", "."])
-def test_scans_and_output_may_not_lie_in_one_another(folder, out):
+def test_scans_and_output_may_not_overlap(folder, out):
     with pytest.raises(OutputError, match="overlap; choose an output folder"):
         batch(find_items(folder / "in"), folder / out, SynchronousPool, OPTIONS)
 
@@ -265,7 +265,7 @@ def test_an_output_that_is_a_file_is_refused(folder):
         restore_all(folder)
 
 
-def test_an_order_that_contradicts_itself_is_refused_before_work(folder, restored):
+def test_contradictory_options_are_refused_before_work(folder, restored):
     with pytest.raises(UsageError, match="PDF/A requires a PDF"):
         restore_all(folder, options=replace(OPTIONS, pdfa=True))
     settings = replace(OPTIONS.settings, binarize=BinarizeSettings(binarize="none"))
@@ -274,15 +274,15 @@ def test_an_order_that_contradicts_itself_is_refused_before_work(folder, restore
     assert restored == []
 
 
-# As many at once as there is memory for
+# Memory limits concurrency
 
 
-def test_no_more_run_at_once_than_the_memory_holds(folder, restored, monkeypatch):
+def test_no_more_tasks_run_at_once_than_fit_into_memory(folder, restored, monkeypatch):
     monkeypatch.setattr("planish.batch.run.estimate_memory", lambda item: 100 if item.name == "c" else 30)
     most = []
 
     class Counting(SynchronousPool):
-        """Ends its tasks only when it is waited for."""
+        """Finishes its tasks only in `wait`."""
 
         def submit(self, task):
             under_way.append(task.item.name)
@@ -303,7 +303,7 @@ def test_no_more_run_at_once_than_the_memory_holds(folder, restored, monkeypatch
 # The summary
 
 
-def test_the_summary_is_safe_to_open_and_to_read(tmp_path):
+def test_the_summary_escapes_html_and_formulas(tmp_path):
     rows = [
         Row(name="<b>&", status="failed", sentence="it has <script>alert(1)</script> in it"),
         Row(
@@ -326,7 +326,7 @@ def test_the_summary_is_safe_to_open_and_to_read(tmp_path):
     assert lines[1]["strain_rms"] is None
 
 
-def test_a_long_summary_shows_the_worst_and_says_so(tmp_path, monkeypatch):
+def test_a_long_summary_is_limited_to_the_worst(tmp_path, monkeypatch):
     monkeypatch.setattr("planish.batch.summary.MAX_ROWS", 2)
     rows = [Row(name=f"scan-{k}", status="good", expected_error_mm=float(k)) for k in range(5)]
     write_summary(tmp_path, rows, [])
@@ -343,7 +343,7 @@ def test_worst_first_by_status_then_by_error():
     assert [row.name for row in worst_first(rows)] == ["d", "c", "b", "a"]
 
 
-def test_found_without_a_folder_may_have_its_output_anywhere(folder, restored):
+def test_a_list_may_have_its_output_anywhere(folder, restored):
     found = ScanList(find_items(folder / "in").items)
     assert batch(found, folder / "in" / "out", SynchronousPool, OPTIONS).items == 5
 
@@ -357,7 +357,7 @@ def command(folder, *flags):
     return run(["batch", str(folder / "in"), "-o", str(folder / "out"), *flags])
 
 
-def test_the_exit_code_is_that_of_the_worst(folder, restored, capsys):
+def test_the_exit_code_is_that_of_the_worst_item(folder, restored, capsys):
     assert command(folder) == 3
     said = capsys.readouterr()
     assert said.out == ""
@@ -370,7 +370,7 @@ def test_the_exit_code_is_that_of_the_worst(folder, restored, capsys):
     assert (said.out, said.err) == ("", "")
 
 
-def test_what_is_said_when_asked(folder, restored, capsys):
+def test_console_output(folder, restored, capsys):
     command(folder, "--verbose", "--jobs", "1")
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].startswith("a\tgood\t")
@@ -392,14 +392,14 @@ def test_what_is_said_when_asked(folder, restored, capsys):
     ],
 )
 @pytest.mark.filterwarnings("default")  # Dask's own
-def test_flags_that_cannot_be(folder, restored, capsys, flags, code, sentence):
+def test_invalid_flags(folder, restored, capsys, flags, code, sentence):
     pytest.importorskip("distributed", reason="the extra planish[dask] is not installed here")
     assert command(folder, *flags) == code
     assert sentence in capsys.readouterr().err
     assert restored == []
 
 
-def test_without_the_extra_the_command_ends_with_6(folder, restored, capsys, monkeypatch):
+def test_without_the_extra_the_exit_code_is_6(folder, restored, capsys, monkeypatch):
     import sys
 
     monkeypatch.setitem(sys.modules, "distributed", None)

@@ -1,4 +1,4 @@
-"""Which scans a batch finds, under which names, and what they consist of."""
+"""Items of a batch: search, names, list files, and input files."""
 
 import os
 from pathlib import Path
@@ -23,18 +23,18 @@ def named(folder):
     return {item.name: item.scan.relative_to(folder).as_posix() for item in find_items(folder).items}
 
 
-def test_every_scan_is_an_item_and_nothing_else_is(tmp_path):
+def test_every_scan_is_an_item_and_nothing_else(tmp_path):
     files(tmp_path, "box/1.obj", "box/1.mtl", "box/1.jpg", "box/2.PLY", "box/2.json", "one/scan.glb", "one/photo.png")
     files(tmp_path, ".hidden/x.obj", "box/.x.obj", "sheet/meta.json", "sheet/x.tif", "sheet/y.tif", "sheet/z.tif")
     assert named(tmp_path) == {"box/1": "box/1.obj", "box/2": "box/2.PLY", "one": "one/scan.glb", "sheet": "sheet"}
 
 
-def test_names_that_would_clash_become_whole_paths(tmp_path):
+def test_conflicting_names_become_full_paths(tmp_path):
     files(tmp_path, "a.obj", "a.ply", "b.obj", "b/1.obj", "b/2.obj", "c/scan.obj", "c.obj")
     assert set(named(tmp_path)) == {"a.obj", "a.ply", "b.obj", "b/1.obj", "b/2.obj", "c/scan.obj", "c.obj"}
 
 
-def test_names_are_safe_and_differ_where_paths_do():
+def test_names_are_safe_and_unique():
     paths = ["a:b", "a%3Ab", "line\nbreak", "end.", " start", "x" * 250, "x" * 251, os.fsdecode(b"\xff"), "Ünï/文"]
     safe = [safe_name(path) for path in paths]
     assert len(set(safe)) == len(paths)
@@ -44,7 +44,7 @@ def test_names_are_safe_and_differ_where_paths_do():
     assert safe[-1] == "Ünï/文"
 
 
-def test_a_link_that_leads_back_is_passed_over_and_said(tmp_path):
+def test_a_recursive_link_is_skipped_with_a_note(tmp_path):
     files(tmp_path, "in/a/scan.obj", "other/b.obj")
     (tmp_path / "in" / "a" / "loop").symlink_to(tmp_path / "in")
     (tmp_path / "in" / "more").symlink_to(tmp_path / "other")
@@ -54,7 +54,7 @@ def test_a_link_that_leads_back_is_passed_over_and_said(tmp_path):
     assert "a link to one of its parent folders" in found.notes[0]
 
 
-def test_a_folder_that_cannot_be_read_is_said(tmp_path, monkeypatch):
+def test_an_unreadable_folder_is_skipped_with_a_note(tmp_path, monkeypatch):
     files(tmp_path, "good/scan.obj", "closed/scan.obj")
     scandir = os.scandir
 
@@ -69,7 +69,7 @@ def test_a_folder_that_cannot_be_read_is_said(tmp_path, monkeypatch):
     assert found.notes == [f"{tmp_path / 'closed'} was skipped because it cannot be read: Permission denied"]
 
 
-def test_without_a_scan_there_is_nothing_to_do(tmp_path):
+def test_a_folder_without_scans_is_refused(tmp_path):
     files(tmp_path, "notes.txt", "photo.jpg")
     with pytest.raises(InputError, match="contains no scan"):
         find_items(tmp_path)
@@ -77,7 +77,7 @@ def test_without_a_scan_there_is_nothing_to_do(tmp_path):
         find_items(tmp_path / "none")
 
 
-def test_one_scan_is_no_shelf(tmp_path):
+def test_a_single_scan_is_refused(tmp_path):
     files(tmp_path, "sheet/meta.json", "sheet/x.tif", "sheet/y.tif", "sheet/z.tif", "a.obj")
     with pytest.raises(InputError, match="is a single scan"):
         find_items(tmp_path / "sheet")
@@ -85,7 +85,7 @@ def test_one_scan_is_no_shelf(tmp_path):
         read_list(tmp_path / "a.obj")
 
 
-def test_a_scan_that_has_moved_away_is_still_an_item(tmp_path):
+def test_a_broken_link_to_a_scan_is_an_item(tmp_path):
     (tmp_path / "a.obj").symlink_to("gone.obj")
     assert named(tmp_path) == {"a": "a.obj"}
 
@@ -93,7 +93,7 @@ def test_a_scan_that_has_moved_away_is_still_an_item(tmp_path):
 # Lists
 
 
-def listed(tmp_path, text, name="shelf.csv"):
+def listed(tmp_path, text, name="scans.csv"):
     (tmp_path / name).write_text(text)
     return read_list(tmp_path / name).items
 
@@ -133,7 +133,7 @@ def test_a_list_as_json_lines(tmp_path):
         ("scan,photo\n,a.jpg\n", "names 0 scans"),
     ],
 )
-def test_a_list_that_is_none(tmp_path, text, sentence):
+def test_invalid_lists(tmp_path, text, sentence):
     with pytest.raises(InputError, match=sentence):
         listed(tmp_path, text)
 
@@ -148,12 +148,12 @@ def test_a_list_that_is_none(tmp_path, text, sentence):
         ('{"scan": "a.obj", "name": 3}\n', "is not a valid folder name"),
     ],
 )
-def test_json_lines_that_are_none(tmp_path, text, sentence):
+def test_invalid_json_lines(tmp_path, text, sentence):
     with pytest.raises(InputError, match=sentence):
         listed(tmp_path, text, "shelf.jsonl")
 
 
-# What a scan consists of
+# Input files
 
 OBJ = "mtllib s.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 GLTF = '{"buffers": [{"uri": "s%20.bin"}], "images": [{"uri": "data:image/png;base64,"}, {"uri": "t.png"}]}'
@@ -168,7 +168,7 @@ PLY = "ply\nformat ascii 1.0\ncomment TextureFile t.png\nend_header\n"
         ("s.ply", PLY, {"t.png": "T"}),
     ],
 )
-def test_a_change_of_any_file_that_a_scan_names_is_noticed(tmp_path, name, text, others):
+def test_a_change_of_any_referenced_file_is_detected(tmp_path, name, text, others):
     for file, content in {name: text, **others}.items():
         (tmp_path / file).write_text(content)
     item = Item(name="s", scan=tmp_path / name)
@@ -184,7 +184,7 @@ def test_a_change_of_any_file_that_a_scan_names_is_noticed(tmp_path, name, text,
     assert find_inputs(item).fingerprint() == before.fingerprint()
 
 
-def test_the_fingerprint_is_of_the_content_not_of_place_or_time(tmp_path):
+def test_the_fingerprint_depends_on_content_not_on_folder_or_time(tmp_path):
     for place in ("here", "there"):
         files(tmp_path / place, "s.obj")
     os.utime(tmp_path / "there" / "s.obj", (0, 0))
@@ -193,7 +193,7 @@ def test_the_fingerprint_is_of_the_content_not_of_place_or_time(tmp_path):
     assert here.file_stamps != there.file_stamps
 
 
-def test_the_photo_beside_a_scan_is_used_where_the_scan_names_none(tmp_path):
+def test_the_photo_beside_a_scan_is_used_if_the_scan_references_none(tmp_path):
     files(tmp_path, "a/s.obj", "a/photo.jpg", "a/s_camera.json", "b/s.obj", "b/s.mtl", "b/t.png", "b/s.jpg")
     (tmp_path / "b/s.obj").write_text(OBJ)
     (tmp_path / "b/s.mtl").write_text("map_Kd t.png\n")

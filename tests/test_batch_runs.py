@@ -1,4 +1,4 @@
-"""Batches as they are run: stopped and killed, by processes and by a Dask cluster, the output is always the same."""
+"""Whole batch runs: interrupted and killed, local and on a Dask cluster; the output is always the same."""
 
 import contextlib
 import json
@@ -24,12 +24,12 @@ GOOD = 6
 
 @pytest.fixture(scope="module")
 def scans(tmp_path_factory):
-    """Six good scans of two sheets, one that was cut short, and one that is no mesh."""
+    """Six good scans of two sheets, a truncated one, and one that is not a mesh."""
     folder = tmp_path_factory.mktemp("shelf") / "in"
     for k, name in enumerate(["book", "wave"]):
         first = folder / f"{name}-0"
         write_small_scan(first, name)
-        for copy in range(1, GOOD // 2):  # other bytes, so other items; a comment changes nothing else
+        for copy in range(1, GOOD // 2):  # a comment makes the bytes differ
             shutil.copytree(first, folder / f"{name}-{copy}")
             with (folder / f"{name}-{copy}" / "scan.obj").open("a") as file:
                 file.write(f"# {k} {copy}\n")
@@ -41,14 +41,14 @@ def scans(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def at_one_go(scans, tmp_path_factory):
+def uninterrupted(scans, tmp_path_factory):
     out = tmp_path_factory.mktemp("whole") / "out"
     assert run(["batch", str(scans), "-o", str(out), *FLAGS]) == 3
     return out
 
 
 def places(out):
-    """The items in place, each with a number that changes when it is put there anew."""
+    """Published items with an id that changes when they are published again."""
     return {path.parent.name: path.parent.stat().st_ino for path in out.glob("*/item.json")}
 
 
@@ -60,12 +60,12 @@ def started(scans, out, *flags):
         stderr=subprocess.PIPE,
         text=True,
         start_new_session=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a job in the background ignores it
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # background processes ignore it
     )
 
 
 def processes_of(session):
-    """Those that run in a session, but for the dead."""
+    """Processes of a session, without zombies."""
     found = []
     for stat in Path("/proc").glob("[0-9]*/stat"):
         with contextlib.suppress(OSError):
@@ -76,7 +76,7 @@ def processes_of(session):
 
 
 def gone(session):
-    """Whether no process is left, soon."""
+    """Wait until no process is left."""
     for _ in range(200):
         if not processes_of(session):
             return True
@@ -84,16 +84,16 @@ def gone(session):
     return False
 
 
-def test_at_one_go(scans, at_one_go, capsys):
-    assert len(places(at_one_go)) == GOOD + BAD
-    assert len(list(at_one_go.glob("*/page.tif"))) == GOOD
-    assert run(["batch", str(scans), "-o", str(at_one_go), *FLAGS, "--verbose"]) == 3
+def test_uninterrupted_run(scans, uninterrupted, capsys):
+    assert len(places(uninterrupted)) == GOOD + BAD
+    assert len(list(uninterrupted.glob("*/page.tif"))) == GOOD
+    assert run(["batch", str(scans), "-o", str(uninterrupted), *FLAGS, "--verbose"]) == 3
     said = capsys.readouterr()
     assert "2 failed; 0 done now" in said.out
-    assert f"2 of 8 scans failed; {at_one_go}/summary.html lists the reasons" in said.err
+    assert f"2 of 8 scans failed; {uninterrupted}/summary.html lists the reasons" in said.err
 
 
-def test_stopped_and_killed_it_ends_as_at_one_go(scans, at_one_go, tmp_path):
+def test_an_interrupted_run_has_the_same_output(scans, uninterrupted, tmp_path):
     out, seen = tmp_path / "out", {}
     for number, code in ((signal.SIGINT, 130), (signal.SIGKILL, -9)):
         process = started(scans, out)
@@ -105,17 +105,17 @@ def test_stopped_and_killed_it_ends_as_at_one_go(scans, at_one_go, tmp_path):
         assert process.returncode == code, said
         assert gone(process.pid)
         now = places(out)
-        assert now.items() >= seen.items()  # nothing lost, nothing done twice
+        assert now.items() >= seen.items()  # nothing lost, nothing restored twice
         for name in now:
             record = json.loads((out / name / "item.json").read_text())
             assert all((out / name / file).exists() for file in record["row"]["files"])
         seen = now
     assert run(["batch", str(scans), "-o", str(out), *FLAGS]) == 3
     assert places(out).items() >= seen.items()
-    assert digests(out) == digests(at_one_go)
+    assert digests(out) == digests(uninterrupted)
 
 
-def test_what_takes_too_long_is_given_up_with_a_sentence(scans, tmp_path):
+def test_the_time_limit_fails_a_scan(scans, tmp_path):
     (tmp_path / "in").mkdir()
     shutil.copytree(scans / "wave-0", tmp_path / "in" / "wave")
     assert run(["batch", str(tmp_path / "in"), "-o", str(tmp_path / "out"), *FLAGS, "--timeout", "0.05"]) == 3
@@ -134,7 +134,7 @@ def test_a_page_as_pdf_has_a_preview_too(scans, tmp_path):
 
 @contextlib.contextmanager
 def cluster(folder):
-    """A Dask scheduler with two workers, each with the nanny that starts it again."""
+    """A Dask scheduler with two workers, each with a nanny that restarts it."""
     told = folder / "scheduler.json"
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "start_new_session": True}
     ours = ["--scheduler-file", str(told), "--no-dashboard"]
@@ -153,7 +153,7 @@ def cluster(folder):
 
 
 @pytest.mark.filterwarnings("default")  # Dask's own
-def test_a_cluster_makes_the_same_also_when_a_worker_is_killed(scans, at_one_go, tmp_path):
+def test_a_cluster_has_the_same_output_also_if_a_worker_is_killed(scans, uninterrupted, tmp_path):
     distributed = pytest.importorskip("distributed", reason="the extra planish[dask] is not installed here")
     out = tmp_path / "out"
     with cluster(tmp_path) as address, distributed.Client(address, set_as_default=False) as client:
@@ -167,4 +167,4 @@ def test_a_cluster_makes_the_same_also_when_a_worker_is_killed(scans, at_one_go,
             said = process.stderr.read()
     assert process.returncode == 3, said
     assert "2 of 8 scans failed" in said
-    assert digests(out) == digests(at_one_go)
+    assert digests(out) == digests(uninterrupted)

@@ -1,4 +1,4 @@
-"""What someone meets who never saw the program: its overview, completion in the shell, the wait of the first run."""
+"""First contact with the program: overview, shell completion, and compilation on the first run."""
 
 import subprocess
 import sys
@@ -11,7 +11,7 @@ from planish.cli.main import app, run
 
 
 @pytest.mark.parametrize("group", [(), ("acquire",), ("calibrate",)])
-def test_every_command_says_what_it_does(group, capsys):
+def test_every_command_has_a_description(group, capsys):
     assert run([*group, "--help"]) == 0
     lines = capsys.readouterr().out.splitlines()
     commands = [name for name in (app[group[0]] if group else app).resolved_commands() if not name.startswith("-")]
@@ -23,7 +23,7 @@ def test_every_command_says_what_it_does(group, capsys):
 
 class TestCompletion:
     @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
-    def test_a_script_is_written_and_no_start_up_file_touched(self, shell, tmp_path, monkeypatch, capsys):
+    def test_with_output_only_the_script_is_written(self, shell, tmp_path, monkeypatch, capsys):
         monkeypatch.setenv("HOME", str(tmp_path / "home"))
         script = tmp_path / "script"
         assert run(["install-completion", "--shell", shell, "-o", str(script)]) == 0
@@ -42,18 +42,18 @@ class TestCompletion:
         said = subprocess.run(["bash", "-c", asked, tmp_path / "script"], capture_output=True, text=True, check=True)
         assert set(said.stdout.split()) == {"multigrid", "verlet", "mass-spring"}
 
-    def test_without_a_file_it_goes_where_the_shell_looks(self, tmp_path, monkeypatch, capsys):
+    def test_without_output_it_is_installed_for_the_shell(self, tmp_path, monkeypatch, capsys):
         monkeypatch.setenv("HOME", str(tmp_path))
         monkeypatch.delenv("XDG_CONFIG_HOME", raising=False)
         assert run(["install-completion", "--shell", "fish"]) == 0
         assert (tmp_path / ".config" / "fish" / "completions" / "planish.fish").exists()
         assert "start a new shell" in capsys.readouterr().out
 
-    def test_a_folder_that_is_not_there_is_said(self, tmp_path, capsys):
+    def test_a_missing_folder_is_reported(self, tmp_path, capsys):
         assert run(["install-completion", "--shell", "bash", "-o", str(tmp_path / "none" / "script")]) == 4
         assert "there is no folder" in capsys.readouterr().err
 
-    def test_a_shell_that_cannot_be_told_is_asked_for(self, monkeypatch, capsys):
+    def test_an_unknown_shell_must_be_named(self, monkeypatch, capsys):
         from cyclopts.completion import detect
 
         def no_shell():
@@ -65,20 +65,20 @@ class TestCompletion:
 
 
 class TestFirstRun:
-    def watched(self, monkeypatch):
-        """As if a person were looking."""
+    def as_terminal(self, monkeypatch):
+        """Pretend that stderr is a terminal."""
         monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
         monkeypatch.setattr(console, "NOTE_COMPILE_SECONDS", 0.0)
 
-    def test_compiling_is_said_to_happen_once(self, monkeypatch, capsys):
-        self.watched(monkeypatch)
+    def test_a_note_says_that_compiling_happens_only_once(self, monkeypatch, capsys):
+        self.as_terminal(monkeypatch)
         with console.progress_bar(quiet=False) as progress:
             progress("flatten", 0.5)
             njit(lambda x: x + 1)(1)
         assert "s of this, which happens only once" in capsys.readouterr().err
 
-    def test_where_nothing_is_compiled_nothing_is_said(self, monkeypatch, capsys):
-        self.watched(monkeypatch)
+    def test_without_compiling_there_is_no_note(self, monkeypatch, capsys):
+        self.as_terminal(monkeypatch)
         with console.progress_bar(quiet=False) as progress:
             progress("flatten", 0.5)
         assert "compiling" not in capsys.readouterr().err

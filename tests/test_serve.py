@@ -1,4 +1,4 @@
-"""The service as it runs: jobs done in processes of their own, and what is left when one or the server is killed."""
+"""The running service: jobs in worker processes, and recovery when a worker or the server is killed."""
 
 import io
 import os
@@ -19,7 +19,7 @@ from serve_process import PATIENCE, SLOW, Server, runs
 
 @pytest.fixture(scope="module")
 def scan(tmp_path_factory):
-    """The files of a small card's scan."""
+    """Files of a scan of a small card."""
     folder = tmp_path_factory.mktemp("scan")
     taken = virtual_scan(sheet("book", width_mm=74, height_mm=105), points=2000, photo_px=(600, 450)).scan
     write_scan(folder / "scan.obj", taken)
@@ -41,13 +41,13 @@ def server(folder):
 
 @pytest.fixture(scope="module")
 def finished(server, scan):
-    """A job that was followed to its end, and what was told on the way."""
+    """A job followed to its end, and its events."""
     job = server.send(scan)
     told = list(server.events(job))
     return job, told
 
 
-def test_a_scan_becomes_the_page_that_the_command_line_makes(server, scan, finished, tmp_path):
+def test_the_page_is_that_of_the_command_line(server, scan, finished, tmp_path):
     job, told = finished
     assert told[-1]["state"] == "done"
     assert told[-1]["settled"]
@@ -57,14 +57,14 @@ def test_a_scan_becomes_the_page_that_the_command_line_makes(server, scan, finis
         assert server.client.get(f"{job}/files/{path.name}").content == path.read_bytes()
 
 
-def test_progress_is_told_in_the_order_of_the_stages(finished):
+def test_progress_follows_the_order_of_the_stages(finished):
     stages = list(dict.fromkeys(told["stage"] for told in finished[1] if told["stage"]))
     order = ["read", "clean", "flatten", "turn", "render", "unshade", "binarize", "measure", "write"]
     assert stages == [stage for stage in order if stage in stages]
-    assert len(stages) >= 2  # the quick ones come and go between two looks
+    assert len(stages) >= 2  # short stages may end between two events
 
 
-def test_all_files_can_be_had_alone_and_in_one_zip(server, finished):
+def test_files_can_be_downloaded_singly_and_as_zip(server, finished):
     job, told = finished
     archive = zipfile.ZipFile(io.BytesIO(server.client.get(told[-1]["all_files"]).content))
     assert archive.testzip() is None
@@ -78,20 +78,20 @@ def test_all_files_can_be_had_alone_and_in_one_zip(server, finished):
     assert server.client.get(f"{job}/files/jobs.sqlite").status_code == 404
 
 
-def test_the_scan_is_not_kept_and_nothing_tells_where_it_lay(server, folder, finished):
+def test_uploads_are_deleted_and_server_paths_not_revealed(server, folder, finished):
     job, told = finished
     assert [path.name for path in (folder / "jobs" / told[-1]["id"]).iterdir()] == ["out-1"]
     assert str(folder) not in server.client.get(f"{job}/files/report.json").text
     assert folder.stat().st_mode & 0o077 == 0
 
 
-def test_a_scan_that_is_none_fails_with_its_sentence(server, tmp_path):
+def test_an_invalid_scan_fails_with_a_sentence(server, tmp_path):
     (tmp_path / "scan.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n")
     told = server.until(server.send([tmp_path / "scan.obj"]), lambda told: told["state"] == "failed")
     assert told["sentence"].startswith("scan.obj: face 0 uses point 8, but the file has 3 points")
 
 
-def test_a_scan_reads_no_file_of_the_server(server, scan, tmp_path):
+def test_a_scan_cannot_read_files_of_the_server(server, scan, tmp_path):
     (tmp_path / "scan.obj").write_bytes(scan[0].read_bytes())
     (tmp_path / "scan.mtl").write_text(f"newmtl photo\nmap_Kd {scan[2]}\n")
     job = server.send([tmp_path / "scan.obj", tmp_path / "scan.mtl"])
@@ -99,7 +99,7 @@ def test_a_scan_reads_no_file_of_the_server(server, scan, tmp_path):
     assert "which does not exist" in told["sentence"]
 
 
-def test_a_killed_process_takes_no_other_job_with_it_and_is_tried_again(server, scan):
+def test_a_killed_worker_affects_no_other_job_and_is_retried(server, scan):
     job = server.send(scan, **SLOW)
     os.kill(server.worker(job), signal.SIGKILL)
     told = server.until(job, lambda told: told["state"] in ("done", "failed"))
@@ -118,14 +118,14 @@ def test_a_job_can_be_cancelled_and_its_process_ends(server, scan, folder):
         time.sleep(0.05)
 
 
-def test_the_description_is_openapi_and_knows_every_setting(server):
+def test_the_description_is_openapi_and_has_every_setting(server):
     told = server.client.get("/api/openapi.json").json()
     assert told["openapi"].startswith("3.1")
     form = told["paths"]["/api/jobs"]["post"]["requestBody"]["content"]["multipart/form-data"]["schema"]
     assert {"scan", "dpi", "verlet.max-steps", "units", "formats"} <= set(form["properties"])
 
 
-def test_a_second_server_finds_the_port_and_the_folder_taken(server, folder, tmp_path):
+def test_a_second_server_on_the_same_port_or_folder_is_refused(server, folder, tmp_path):
     port = str(server.client.base_url.port)
     for flags, sentence in (
         (("--port", port, "--data", str(tmp_path)), f"port {port} is in use; give another with --port"),
@@ -137,7 +137,7 @@ def test_a_second_server_finds_the_port_and_the_folder_taken(server, folder, tmp
         assert done.stderr.count("\n") == 1
 
 
-def test_others_are_let_in_only_where_that_is_said():
+def test_other_machines_have_access_only_with_public():
     done = subprocess.run(
         [sys.executable, "-m", "planish", "serve", "--host", "0.0.0.0"], capture_output=True, text=True
     )
@@ -145,7 +145,7 @@ def test_others_are_let_in_only_where_that_is_said():
     assert "without login or encryption" in done.stderr
 
 
-def test_without_its_extra_the_service_says_what_to_install():
+def test_without_its_extra_the_service_names_what_to_install():
     program = "import sys; sys.modules['fastapi'] = None; from planish.cli import main; main(['serve'])"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert done.returncode == 6
@@ -153,7 +153,7 @@ def test_without_its_extra_the_service_says_what_to_install():
 
 
 def test_nothing_is_lost_when_the_server_is_killed_or_stopped(server, scan, folder, finished):
-    """Last, as it ends the server."""
+    """Runs last because it ends the server."""
     done = server.client.get(finished[0]).json()
     running, waiting = server.send(scan, **SLOW), server.send(scan)
     worker = server.worker(running)
@@ -174,7 +174,7 @@ def test_nothing_is_lost_when_the_server_is_killed_or_stopped(server, scan, fold
     third = Server(folder, "--keep-hours", "0.0001")
     try:
         assert third.client.get(again).json()["state"] in ("queued", "running")
-        assert third.client.get(running).status_code == 404  # its time was over at the start
+        assert third.client.get(running).status_code == 404  # it had expired at the start
         assert third.end(signal.SIGINT) == 130
     finally:
         third.process.kill()

@@ -1,4 +1,4 @@
-"""The service's own pages in a browser: a scan is dropped, followed, looked at and removed; nobody else is asked."""
+"""The service's page in a browser: upload, progress, results and deletion, without requests to other hosts."""
 
 import signal
 
@@ -38,7 +38,7 @@ def page(program, server):
 
 
 def assert_faultless(page, folder, state):
-    """At every width, on light and on dark: nothing that a screen reader or a keyboard stumbles over."""
+    """No accessibility violations at every width, in light and dark mode."""
     from axe_playwright_python.sync_playwright import Axe
 
     for width, (across, down) in WIDTHS.items():
@@ -52,7 +52,7 @@ def assert_faultless(page, folder, state):
             assert [(fault["id"], fault["nodes"][0]["html"]) for fault in serious] == [], (state, width, scheme)
 
 
-def test_a_scan_is_sent_followed_looked_at_and_removed(page, server, tmp_path):
+def test_a_scan_is_uploaded_followed_viewed_and_deleted(page, server, tmp_path):
     taken = virtual_scan(sheet("book", width_mm=74, height_mm=105), points=2000, photo_px=(600, 450)).scan
     write_scan(tmp_path / "scan.obj", taken)
     assert_faultless(page, tmp_path, "empty")
@@ -76,7 +76,7 @@ def test_a_scan_is_sent_followed_looked_at_and_removed(page, server, tmp_path):
     assert not page.overheard.complaints
 
 
-def test_a_scan_that_is_none_is_told_in_the_page(page, tmp_path):
+def test_an_invalid_scan_is_reported_in_the_page(page, tmp_path):
     (tmp_path / "scan.obj").write_text("v 0 0 0\n")
     page.set_input_files("#scan", tmp_path / "scan.obj")
     page.click("#send")

@@ -1,4 +1,4 @@
-"""What the service refuses, and in which words; no job is begun here."""
+"""Requests that the service refuses, and their messages; no job is started here."""
 
 import asyncio
 
@@ -43,7 +43,7 @@ def assert_refused(answer, status, part):
 @pytest.mark.parametrize("name", bad_uploads.BAD)
 def test_a_bad_upload_gets_a_sentence_and_leaves_nothing(service, tmp_path, name):
     files, fields, status, part = bad_uploads.BAD[name]
-    if files is None:  # httpx makes another kind of form without files
+    if files is None:  # without files, httpx does not send multipart
         fields = {**fields, "units": "mm"}
         files = [("camera", ("c.json", b"{}"))]
     answer = ask(service, "POST", "/api/jobs", files=files, data=fields)
@@ -53,7 +53,7 @@ def test_a_bad_upload_gets_a_sentence_and_leaves_nothing(service, tmp_path, name
     assert service.store.all_ids() == set()
 
 
-def test_good_uploads_are_taken_until_the_queue_is_full(service):
+def test_uploads_are_accepted_until_the_queue_is_full(service):
     in_a_folder = [(f"folder/{name}", data) for _, (name, data) in bad_uploads.GOOD]
     in_a_folder += [("folder/.DS_Store", b"x"), ("__MACOSX/folder/._scan.obj", b"x"), ("folder/notes.txt", b"x")]
     apart = {
@@ -93,7 +93,7 @@ PART = b"--x\r\nContent-Disposition: form-data; "
         (b"", FORM, 422, "cut short"),
     ],
 )
-def test_what_is_no_form_is_refused(service, content, kind, status, part):
+def test_invalid_forms_are_refused(service, content, kind, status, part):
     assert_refused(ask(service, "POST", "/api/jobs", content=content, headers={"content-type": kind}), status, part)
 
 
@@ -102,7 +102,7 @@ def test_a_declared_length_beyond_the_limit_is_refused_before_it_is_read(service
     assert_refused(ask(service, "POST", "/api/jobs", content=b"", headers=headers), 413, "the limit of 1 MB")
 
 
-def test_names_that_are_not_there_and_methods_that_are_not_meant(service):
+def test_unknown_addresses_and_methods(service):
     assert_refused(ask(service, "GET", "/api/jobs/nothing"), 404, "no such job")
     assert_refused(ask(service, "DELETE", "/api/jobs/nothing"), 404, "no such job")
     assert_refused(ask(service, "GET", "/api/jobs/nothing/events"), 404, "no such job")
@@ -121,7 +121,7 @@ def test_results_before_the_end_are_a_conflict(service):
     assert_refused(ask(service, "GET", f"{here}/all.zip"), 409, "the sheet is a sphere")
 
 
-def test_only_its_own_names_and_its_own_pages_are_answered(service):
+def test_unknown_hosts_and_cross_origin_requests_are_refused(service):
     for base in ("http://localhost:8008", "http://127.0.0.1:8008", "http://[::1]:8008", "http://192.168.1.7"):
         assert ask(service, "GET", "/api/health", base=base).status_code == 200
     named = "http://scans.example.org"
@@ -135,7 +135,7 @@ def test_only_its_own_names_and_its_own_pages_are_answered(service):
     assert ask(service, "POST", "/api/jobs", files=bad_uploads.GOOD, headers=own).status_code == 201
 
 
-def test_every_answer_forbids_what_browsers_may_be_tricked_into(service):
+def test_every_response_has_security_headers(service):
     for path in ("/", "/api/health", "/nothing", "/static/app.js"):
         headers = ask(service, "GET", path).headers
         assert "default-src 'none'" in headers["content-security-policy"]
@@ -144,7 +144,7 @@ def test_every_answer_forbids_what_browsers_may_be_tricked_into(service):
         assert headers["referrer-policy"] == "no-referrer"
 
 
-def test_a_service_that_stops_says_so(service):
+def test_a_service_that_shuts_down_refuses_jobs(service):
     service.begin_shutdown()
     assert_refused(ask(service, "POST", "/api/jobs", files=bad_uploads.GOOD), 503, "shutting down")
     assert ask(service, "GET", "/api/health").json()["status"] == "stopping"

@@ -1,4 +1,4 @@
-"""The page to look at, as a file: what it holds, and that nothing in it can do harm."""
+"""The HTML view as a file: its contents, and that they are escaped."""
 
 import base64
 import gzip
@@ -67,7 +67,7 @@ def unpacked(text, dtype):
 
 
 def states_of(data):
-    """Places [mm] of the points in every state, read as the page reads them."""
+    """Points [mm] in every state, decoded as by the page's script."""
     fall = data["animation"]
     moves = unpacked(fall["moves"], "<i2").reshape(fall["states"], fall["points"], 3)
     return np.cumsum(moves, axis=0, dtype=np.int16) * np.array(fall["step"]) + fall["low"]
@@ -94,7 +94,7 @@ def document(page):
 
 
 @pytest.mark.slow
-def test_it_is_one_file_that_asks_for_no_other(page, document):
+def test_it_is_self_contained(page, document):
     assert len(page) < 15e6
     links = [
         value for _, attributes in document.elements for key, value in attributes.items() if key in ("src", "href")
@@ -105,7 +105,7 @@ def test_it_is_one_file_that_asks_for_no_other(page, document):
     assert [tag for tag, _ in document.elements if tag in ("iframe", "object", "embed", "base", "form")] == []
 
 
-def test_its_policy_lets_in_this_program_and_this_style_only(document):
+def test_its_policy_allows_this_script_and_style_only(document):
     (policy,) = (a["content"] for _, a in document.elements if a.get("http-equiv") == "Content-Security-Policy")
     rules = dict(rule.strip().split(" ", 1) for rule in policy.split(";"))
 
@@ -118,7 +118,7 @@ def test_its_policy_lets_in_this_program_and_this_style_only(document):
     assert rules["img-src"] == "data:"
 
 
-def test_the_sheet_begins_as_it_was_scanned_and_ends_on_the_page(scan, done, document):
+def test_the_first_state_is_the_scan_and_the_last_is_the_page(scan, done, document):
     data = document.data
     states = states_of(data)
     bent, flat = states[0], states[-1]
@@ -136,15 +136,15 @@ def test_the_sheet_begins_as_it_was_scanned_and_ends_on_the_page(scan, done, doc
     assert set(np.unique(faces)) == set(range(len(bent)))
 
 
-def test_heights_fall_to_the_table(document):
+def test_heights_decrease_to_zero(document):
     heights = document.data["animation"]["heights"]
     assert heights[0] == pytest.approx(states_of(document.data)[0, :, 2].max(), abs=0.5)  # noise of the scan
     assert heights[0] > 20
     assert heights[-1] == 0
-    assert heights == sorted(heights, reverse=True)  # a page of a book has nothing to be held up by
+    assert heights == sorted(heights, reverse=True)  # nothing holds up a page of a book
 
 
-def test_pictures_have_the_shape_of_the_page(document):
+def test_images_have_the_aspect_ratio_of_the_page(document):
     width, height = document.data["size"]
     margin = document.data["margin"]
     for layer in document.data["layers"]:
@@ -155,7 +155,7 @@ def test_pictures_have_the_shape_of_the_page(document):
             assert cols / rows == pytest.approx((width + around) / (height + around), rel=0.002)  # a pixel of 600
 
 
-def test_maps_say_what_was_measured(done, document):
+def test_maps_have_the_measured_values(done, document):
     flat = done.flattening
     layers = {layer["name"]: layer for layer in document.data["layers"] if layer["kind"] == "map"}
     assert list(layers) == ["strain", "ppi", "error"]
@@ -172,7 +172,7 @@ def test_maps_say_what_was_measured(done, document):
         assert np.isfinite(off).mean() > 0.95  # the border of a coarse scan is ragged
 
 
-def test_the_report_stands_in_words(done, document):
+def test_the_report_is_text(done, document):
     report = done.report
     assert report.outcome in document.text
     assert f"{report.page.width_mm:.1f} × {report.page.height_mm:.1f} mm" in document.text
@@ -182,8 +182,8 @@ def test_the_report_stands_in_words(done, document):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("quarter", [0, 1])
-def test_a_photo_of_a_flat_sheet_lies_right_over_its_page(quarter):
-    """Whichever way the camera was held."""
+def test_a_photo_of_a_flat_sheet_is_aligned_with_its_page(quarter):
+    """In every orientation of the camera."""
     uv, faces = grid(29, 21, 200.0, 280.0)
     rng = np.random.default_rng(5)
     photo = np.kron(rng.integers(0, 255, (35, 25, 3), np.uint8), np.ones((20, 20, 1), np.uint8))
@@ -203,8 +203,8 @@ def test_a_photo_of_a_flat_sheet_lies_right_over_its_page(quarter):
 
 
 @pytest.mark.slow
-def test_a_texture_in_patches_is_no_photo(scan):
-    """As photogrammetry makes them: the sheet is drawn from above instead."""
+def test_a_texture_atlas_is_not_a_photo(scan):
+    """The sheet seen from above is shown instead."""
     uv, faces = grid(29, 21, 200.0, 280.0)
     half = (uv[:, 0] < 100) != (uv[:, 1] < 140)
     places = np.c_[(uv[:, 0] + np.where(half, 100, 0)) % 200, 280 - uv[:, 1]] * 2
@@ -217,7 +217,7 @@ def test_a_texture_in_patches_is_no_photo(scan):
 
 
 @pytest.mark.slow
-def test_hostile_words_stay_words(scan, done):
+def test_hostile_text_is_escaped(scan, done):
     loaded = replace(
         done, report=replace(done.report, warnings=[Diagnostic("hostile", HOSTILE)], sources={HOSTILE: HOSTILE})
     )
@@ -239,8 +239,8 @@ def test_a_scan_without_a_photo_shows_its_shape():
 
 
 @pytest.mark.parametrize("height", [0.0, 30.0])
-def test_the_least_of_sheets_is_shown_too(height):
-    """Two triangles, flat or with a fold between them; its file's name is no text."""
+def test_the_smallest_of_sheets_can_be_viewed(height):
+    """Two triangles, flat or with a fold between them; the file name is not valid text."""
     points = np.array([[0.0, 0, 0], [100, 0, height], [100, 100, 0], [0, 100, height]])
     scan = Scan(Mesh(points, np.array([[0, 1, 2], [0, 2, 3]], np.int32)))
     document = Document(view_page(planish.restore(scan), "scan\udcff.obj"))
@@ -249,7 +249,7 @@ def test_the_least_of_sheets_is_shown_too(height):
 
 
 @pytest.mark.slow
-def test_a_spread_shows_where_its_pages_part():
+def test_a_spread_shows_where_it_is_split():
     scan = virtual_scan(sheet("spread"), points=2500, photo_px=(600, 450)).scan
     done = planish.restore(scan, RestoreSettings(pages="2"))
     document = Document(view_page(done, "a spread"))
@@ -257,7 +257,7 @@ def test_a_spread_shows_where_its_pages_part():
     assert "two pages" in document.text
 
 
-def test_a_picture_full_of_noise_keeps_within_its_room(done):
+def test_an_image_full_of_noise_stays_within_the_size_limit(done):
     noise = np.random.default_rng(2).integers(0, 255, (2400, 2400, 3), np.uint8)
     loud = replace(done, rendered=Page(noise, np.ones(noise.shape[:2], bool), 300.0), unshaded=None, binary=None)
     (picture,) = page_pictures(loud)
@@ -265,7 +265,7 @@ def test_a_picture_full_of_noise_keeps_within_its_room(done):
 
 
 @pytest.mark.parametrize("outcome", Outcome)
-def test_it_says_how_the_fall_ended(done, outcome):
+def test_the_caption_names_the_outcome_of_the_simulation(done, outcome):
     mesh, _ = sheet_mesh(sheet("wave"), points=400, layout="grid")
     flat = planish.flatten(mesh)
     fall = simulate_fall(mesh, topology(mesh.faces, len(mesh.points)), flat.page_xy, flat.size_mm)
@@ -276,7 +276,7 @@ def test_it_says_how_the_fall_ended(done, outcome):
     assert "flattened by multigrid" in said[outcome]
 
 
-def test_watching_changes_nothing():
+def test_recording_states_does_not_change_the_simulation():
     mesh, _ = sheet_mesh(sheet("wave"), points=300, layout="grid")
     sticks = make_sticks(mesh, topology(mesh.faces, len(mesh.points)), "unfolded")
     standing = Mesh(onto_support_plane(mesh)[0], mesh.faces)
@@ -289,8 +289,8 @@ def test_watching_changes_nothing():
 
 
 @pytest.mark.slow
-def test_a_sheet_that_is_turned_in_space_is_carried_whole():
-    """A rigid motion of the coarse points moves the fine ones alike, those off the coarse faces too."""
+def test_interpolation_reproduces_rigid_motions():
+    """Also for fine points off the coarse faces."""
     uv, faces = grid(9, 7)
     coarse = arch(uv)
     rng = np.random.default_rng(3)
@@ -306,7 +306,7 @@ def test_a_sheet_that_is_turned_in_space_is_carried_whole():
 
 
 @pytest.mark.parametrize("most", [3, 10, 40])
-def test_kept_states_are_spread_over_the_way(most):
+def test_keyframes_are_at_about_equal_distances(most):
     way = np.cumsum(np.r_[0, np.random.default_rng(4).random(200) ** 4])
     history = (way[:, None, None] * np.ones((1, 5, 3))).astype(np.float32)
     kept = select_keyframes(history, most)
@@ -327,14 +327,14 @@ def test_the_bundle_is_made_from_these_sources():
     assert f"sources {digest}" in (VIEW / "static" / "view.js").read_text()[:200], "run: make view"
 
 
-def test_the_bundle_carries_the_licence_of_what_it_holds():
+def test_the_bundle_contains_the_licence_of_three():
     bundle = (VIEW / "static" / "view.js").read_text()
     assert "three.js authors" in bundle[:2000]
     assert "The above copyright notice and this permission notice shall be included" in " ".join(bundle[:2000].split())
 
 
 @pytest.mark.slow
-def test_building_it_anew_gives_the_same_bytes(tmp_path):
+def test_the_build_is_reproducible(tmp_path):
     """Where `make view` has filled npm's cache; elsewhere the test above holds the sources and the bundle together."""
     if shutil.which("npm") is None:
         pytest.skip("there is no npm here")

@@ -1,4 +1,4 @@
-"""The page to look at, looked at: in a browser, at three widths, on light and on dark."""
+"""The HTML view in a browser, at three widths, in light and dark mode."""
 
 import re
 from contextlib import contextmanager
@@ -22,7 +22,7 @@ READY = ":root[data-ready]"
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
-    """The file of a page of a book, with as many points and pixels as the page of a large scan has."""
+    """View of a page of a book, with as many points and pixels as for a large scan."""
     scan = virtual_scan(sheet("book"), points=25_000, photo_px=(1600, 1200), noise_mm=0.05).scan
     path = tmp_path_factory.mktemp("view") / "book.html"
     path.write_bytes(view_page(planish.restore(scan), "A book"))
@@ -47,14 +47,14 @@ def opened(program, path, width="desk", **how):
     context.close()
 
 
-def look(page, selector):
-    """What is seen of an element."""
+def screenshot(page, selector):
+    """Screenshot of an element."""
     shot = page.locator(selector).screenshot()
     return np.asarray(Image.open(BytesIO(shot)).convert("RGB")).astype(float)
 
 
 def changed(before, after):
-    """Share of the pixels that are clearly of another colour."""
+    """Fraction of pixels with a clearly different colour."""
     return float((np.abs(before - after).max(axis=2) > 24).mean())
 
 
@@ -72,7 +72,7 @@ def page(program, made, request):
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_it_asks_nobody_and_has_no_serious_fault(page, tmp_path, scheme):
+def test_it_makes_no_requests_and_has_no_serious_accessibility_violation(page, tmp_path, scheme):
     from axe_playwright_python.sync_playwright import Axe
 
     page.emulate_media(color_scheme=scheme)
@@ -85,25 +85,25 @@ def test_it_asks_nobody_and_has_no_serious_fault(page, tmp_path, scheme):
     assert {url.partition(":")[0] for url in page.overheard.requests} <= {"file", "data"}
 
 
-def test_the_slider_lets_the_sheet_settle(program, made):
+def test_the_slider_animates_the_sheet(program, made):
     with opened(program, made) as page:
         slider = page.locator("#step")
         last = int(slider.get_attribute("max"))
-        bent = look(page, "#space")
+        bent = screenshot(page, "#space")
         assert slider.get_attribute("aria-valuetext").startswith(f"step 0 of {last}, 2")  # about 24 mm high
         set_slider(page, "#step", last // 2)
-        falling = look(page, "#space")
+        falling = screenshot(page, "#space")
         set_slider(page, "#step", last)
-        flat = look(page, "#space")
+        flat = screenshot(page, "#space")
         assert slider.get_attribute("aria-valuetext") == f"step {last} of {last}, 0.0 mm high"
         assert min(changed(bent, falling), changed(bent, flat)) > 0.01  # the sheet moves by centimetres
         slider.press("Home")
         page.wait_for_timeout(150)
-        assert changed(bent, look(page, "#space")) < 0.001
+        assert changed(bent, screenshot(page, "#space")) < 0.001
 
 
 @pytest.mark.parametrize("motion", ["no-preference", "reduce"])
-def test_the_button_plays_it_to_the_end(program, made, motion):
+def test_the_button_plays_the_animation(program, made, motion):
     with opened(program, made, reduced_motion=motion) as page:
         page.locator("#play").press("Enter")
         assert page.locator("#play").inner_text() == "Pause"
@@ -111,19 +111,19 @@ def test_the_button_plays_it_to_the_end(program, made, motion):
         assert page.locator("#step").input_value() == page.locator("#step").get_attribute("max")
 
 
-def test_the_wipe_parts_two_pictures(program, made):
+def test_the_wipe_separates_two_images(program, made):
     with opened(program, made) as page:
         shots = {}
         for share in (0, 50, 100):
             set_slider(page, "#wipe", share)
-            shots[share] = look(page, "#paper")
+            shots[share] = screenshot(page, "#paper")
         half = shots[50].shape[1] // 2 - 30  # clear of the handle
         assert changed(shots[0], shots[100]) > 0.2  # the photo is dark and bent, the page white
         assert changed(shots[50][:, :half], shots[100][:, :half]) < 0.001
         assert changed(shots[50][:, -half:], shots[0][:, -half:]) < 0.001
 
 
-def test_every_picture_can_be_shown(program, made):
+def test_every_layer_can_be_shown(program, made):
     with opened(program, made) as page:
         seen = []
         for name in ("warped", "restored", "unshaded", "binary", "strain", "ppi", "error"):
@@ -132,7 +132,7 @@ def test_every_picture_can_be_shown(program, made):
             page.wait_for_timeout(150)
             assert page.locator("#paper .shown").count() == 1
             assert page.locator("#page-legend .legend").count() == (name in ("strain", "ppi", "error"))
-            seen.append(look(page, "#paper"))
+            seen.append(screenshot(page, "#paper"))
         assert all(changed(one, other) > 0.01 for one, other in pairwise(seen))
 
 
@@ -160,14 +160,14 @@ def test_the_mouse_wipes_zooms_and_reads_millimetres(program, made):
         assert page.locator("#paper").bounding_box()["width"] == pytest.approx(wide)
 
 
-def test_the_switch_overrules_the_system(program, made):
+def test_the_theme_switch_overrides_the_system(program, made):
     with opened(program, made, color_scheme="dark") as page:
-        dark = look(page, "header").mean()
+        dark = screenshot(page, "header").mean()
         page.select_option("#theme", "light")
-        assert look(page, "header").mean() > dark + 100
+        assert screenshot(page, "header").mean() > dark + 100
 
 
-def test_without_a_program_the_page_can_be_seen(program, made):
+def test_without_javascript_the_page_is_readable(program, made):
     context = program.new_context(java_script_enabled=False)
     page = context.new_page()
     page.goto(made.as_uri())
@@ -178,7 +178,7 @@ def test_without_a_program_the_page_can_be_seen(program, made):
     context.close()
 
 
-def test_a_hostile_name_stays_a_name(program, tmp_path):
+def test_a_hostile_name_is_escaped(program, tmp_path):
     """As a scan without a photo, to see that as well."""
     mesh, _ = planish.gallery.sheet_mesh(sheet("wave"), points=900, layout="grid")
     scan = planish.Scan(mesh)

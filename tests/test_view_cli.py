@@ -1,4 +1,4 @@
-"""The page to look at, from the command line."""
+"""`planish view` and `--html`."""
 
 import json
 from dataclasses import asdict
@@ -16,7 +16,7 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(scope="module")
 def folder(book_scan, tmp_path_factory):
-    """A finished restoration, as `planish demo` leaves one: scan, report and all else in one folder."""
+    """A finished restoration as by `planish demo`: scan, report and outputs in one folder."""
     made = tmp_path_factory.mktemp("done")
     write_scan(made / "scan.obj", book_scan.scan)
     flags = ["--dpi", "100", "--points", "2000", "--rotate", "0", "--report", str(made / "report.json")]
@@ -34,8 +34,8 @@ def test_restore_writes_it(folder):
 
 
 @pytest.mark.parametrize("named", [".", "report.json"])
-def test_a_finished_restoration_is_shown_as_it_was_made(folder, tmp_path, named):
-    """With the settings that the report holds: another dpi or another way round would make other pictures."""
+def test_a_finished_restoration_is_viewed_with_its_settings(folder, tmp_path, named):
+    """Another dpi or orientation would give other images."""
     out = tmp_path / "look.html"
     assert run(["view", str(folder / named), "-o", str(out), "--no-open"]) == 0
     again, before = Document(out.read_bytes()), Document((folder / "page.html").read_bytes())
@@ -44,14 +44,14 @@ def test_a_finished_restoration_is_shown_as_it_was_made(folder, tmp_path, named)
         assert (again.picture(name) == before.picture(name)).all()
 
 
-def test_a_scan_is_restored_and_shown(folder, tmp_path):
+def test_a_scan_is_restored_and_viewed(folder, tmp_path):
     for path in folder.glob("scan.*"):
         (tmp_path / path.name).write_bytes(path.read_bytes())
     assert run(["view", str(tmp_path / "scan.obj"), "--no-open", "-q"]) == 0
     assert Document((tmp_path / "scan.html").read_bytes()).data["layers"]
 
 
-def test_the_browser_opens_what_was_made(folder, tmp_path, monkeypatch):
+def test_the_browser_opens_the_file(folder, tmp_path, monkeypatch):
     opened = []
     monkeypatch.setattr("webbrowser.open", opened.append)
     page = folder / "page.html"
@@ -60,11 +60,11 @@ def test_the_browser_opens_what_was_made(folder, tmp_path, monkeypatch):
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setattr("sys.platform", "linux")
-    assert run(["view", str(page)]) == 0  # no screen to open it on
+    assert run(["view", str(page)]) == 0  # no display
     assert len(opened) == 1
 
 
-def test_a_page_of_another_size_is_told_of(folder, tmp_path, capsys):
+def test_a_page_of_another_size_gives_a_warning(folder, tmp_path, capsys):
     for path in folder.glob("scan.*"):
         (tmp_path / path.name).write_bytes(path.read_bytes())
     report = json.loads((folder / "report.json").read_text())
@@ -116,7 +116,7 @@ def changed(report, **parts):
         (lambda at, report: (at / "scan.obj").write_text("v 0 0 0\n"), "has changed since report.json was written"),
     ],
 )
-def test_what_is_no_finished_restoration_is_refused(folder, tmp_path, capsys, spoil, said):
+def test_incomplete_restorations_are_refused(folder, tmp_path, capsys, spoil, said):
     report = json.loads((folder / "report.json").read_text())
     for path in [*folder.glob("scan.*"), folder / "report.json"]:
         (tmp_path / path.name).write_bytes(path.read_bytes())
@@ -129,7 +129,7 @@ def test_what_is_no_finished_restoration_is_refused(folder, tmp_path, capsys, sp
 
 
 @pytest.mark.parametrize(("name", "said"), [("page.txt", "ends in .html"), ("no/such/page.html", "there is no folder")])
-def test_where_it_cannot_be_written_is_said_first(folder, tmp_path, capsys, name, said):
+def test_the_output_is_checked_first(folder, tmp_path, capsys, name, said):
     page = ["-o", str(tmp_path / "page.png")]
     for command in (
         ["view", str(folder), "-o", str(tmp_path / name)],
@@ -140,7 +140,7 @@ def test_where_it_cannot_be_written_is_said_first(folder, tmp_path, capsys, name
     assert not list(tmp_path.iterdir())
 
 
-def test_a_page_in_place_can_be_kept(folder, capsys):
+def test_an_existing_file_can_be_protected(folder, capsys):
     before = (folder / "page.html").read_bytes()
     assert run(["view", str(folder), "-o", str(folder / "page.html"), "--no-overwrite", "--no-open"]) == 4
     assert (folder / "page.html").read_bytes() == before
