@@ -27,7 +27,7 @@ test quick: export PYTHONDONTWRITEBYTECODE :=
 test: $(READY)  ## every test and every example in the docstrings, on all cores
 	$(PYTEST)
 
-quick: $(READY)  ## the tests that take less than a second, a few of every room
+quick: $(READY)  ## the tests that take less than half a second, some of every room
 	$(PYTEST) -m "not slow"
 
 lint: $(READY)  ## style, imports that point one way, types

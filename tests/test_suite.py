@@ -1,8 +1,14 @@
-"""The suite itself: nothing reaches for the network."""
+"""The suite itself: nothing reaches for the network, and the quick part of it reaches every room."""
 
+import ast
+import re
 import socket
+from pathlib import Path
 
 import pytest
+
+HERE = Path(__file__).parent
+ROOMS = sorted(path.parent.name for path in (HERE.parent / "src" / "planish").glob("*/__init__.py"))
 
 
 def connect(address, kind=socket.SOCK_STREAM):
@@ -29,3 +35,18 @@ def test_this_machine_is_within_reach():
     with socket.create_server(("127.0.0.1", 0)) as server:
         connect(server.getsockname())
         assert socket.getaddrinfo("localhost", server.getsockname()[1])
+
+
+def has_quick_tests(path):
+    """Whether some test of a file stays when slow ones are left out."""
+    nodes = list(ast.walk(ast.parse(path.read_text())))
+    marks = [ast.unparse(node.value) for node in nodes if isinstance(node, ast.Assign)]
+    tests = [node for node in nodes if isinstance(node, ast.FunctionDef) and node.name.startswith("test_")]
+    slow = [node for node in tests if "pytest.mark.slow" in map(ast.unparse, node.decorator_list)]
+    return "pytest.mark.slow" not in marks and len(tests) > len(slow)
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_every_room_has_quick_tests(room):
+    users = [path for path in HERE.glob("test_*.py") if re.search(rf"\bplanish\.{room}\b", path.read_text())]
+    assert any(map(has_quick_tests, users)), f"make quick would not notice a fault in {room}"
