@@ -1,8 +1,8 @@
-"""A shelf of scans, ten of them bad: restored at one go; killed again and again; by a Dask cluster.
+"""A batch of scans, ten of them bad: uninterrupted; killed again and again; on a Dask cluster.
 
 python benchmarks/batch.py [--scans 200] [--bad 10] [--kills 20] [--large 8]
 
-Each row says what came out equal, byte for byte apart from times, to the run at one go.
+Each row tells what is equal, byte for byte apart from times, to the uninterrupted run.
 """
 
 import argparse
@@ -20,7 +20,7 @@ from collections.abc import Iterator
 from hashlib import sha256
 from pathlib import Path
 
-from batch_shelf import make_shelf
+from batch_scans import make_scans
 from machine import machine
 from planish.batch.row import VARYING_FIELDS
 
@@ -37,18 +37,18 @@ def main() -> None:
     print("|---|---|---|---|---|---|---|")
     with tempfile.TemporaryDirectory(dir=asked.folder) as made:
         folder = Path(made)
-        make_shelf(folder / "in", asked.scans, asked.bad, **SMALL)
+        make_scans(folder / "in", asked.scans, asked.bad, **SMALL)
         whole = folder / "whole"
         seconds = run(folder / "in", whole, *SMALL_FLAGS)
-        row("at one go", whole, seconds, "the one to compare with")
+        row("uninterrupted", whole, seconds, "the reference")
         seconds = run(folder / "in", whole, *SMALL_FLAGS)
-        row("once more", whole, seconds, "nothing was done")
+        row("resumed", whole, seconds, "nothing was done")
         said = killed(folder / "in", folder / "killed", asked.kills, random.Random(1))
         row(f"killed {asked.kills} times", folder / "killed", None, f"{said}; {compared(folder / 'killed', whole)}")
         said = by_cluster(folder / "in", folder / "cluster")
         row("Dask, 2 workers", folder / "cluster", None, f"{said}; {compared(folder / 'cluster', whole)}")
         if asked.large:
-            make_shelf(folder / "large", asked.large, 0, **LARGE)
+            make_scans(folder / "large", asked.large, 0, **LARGE)
             seconds = run(folder / "large", folder / "large-out", "--format", "tif")
             row("300,000 points, 12 megapixels, 300 dpi", folder / "large-out", seconds, sizes(folder))
 

@@ -1,8 +1,8 @@
-"""What one process has to do for a shelf of many scans, beside restoring them: finding, placing, noting, summing up.
+"""Work of the coordinating process of a large batch, without the restorations: search, publishing, journal, summary.
 
 python benchmarks/batch_of_ten_thousand.py [--scans 10000]
 
-The restorations are left out: every item gets the same small files.
+Instead of a restoration, every item gets the same small files.
 """
 
 import argparse
@@ -27,7 +27,7 @@ T = TypeVar("T")
 
 
 class CopyPool:
-    """A pool that restores nothing."""
+    """A pool that copies files instead of restoring scans."""
 
     slots, memory = 4, float("inf")
 

@@ -102,13 +102,13 @@ SECTIONS = {
         "paper; cameras and surface agree to about a third of that.",
     ),
     "batch": (
-        "A shelf of 200 scans",
+        "A batch of 200 scans",
         "`planish batch` with ten bad scans among them: 5,000 points, 1 megapixel and 50 dpi, so that it is quick. "
         "Every run but the first is compared with it, byte for byte apart from times; CPU and memory are of one page.",
     ),
     "batch_of_ten_thousand": (
-        "A shelf of ten thousand",
-        "What one process has to do for it beside restoring.",
+        "A batch of ten thousand",
+        "Work of the coordinating process, without the restorations.",
     ),
     "rest_lengths": (
         "Rest lengths in spite of noise",

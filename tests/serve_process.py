@@ -1,4 +1,4 @@
-"""`planish serve` started for a test, and asked over HTTP."""
+"""`planish serve` as a process for tests, with an HTTP client."""
 
 import json
 import subprocess
@@ -7,9 +7,9 @@ from pathlib import Path
 
 import httpx
 
-PATIENCE = 240  # seconds, for a machine that has much else to do
+PATIENCE = 240  # seconds, for a busy machine
 FIELDS = {"dpi": "auto", "formats": "png,tif", "view": "false"}
-SLOW = {"dpi": "400"}  # a second or two of work, so that it can be met in the middle
+SLOW = {"dpi": "400"}  # takes a second or two, so that a test can interfere
 
 
 class Server:
@@ -43,14 +43,14 @@ class Server:
             yield from (json.loads(line[6:]) for line in answer.iter_lines() if line.startswith("data: "))
 
     def until(self, job, wanted):
-        """Follow a job until it is what is wanted."""
-        told = next((told for told in self.events(job) if wanted(told)), None)
-        assert told is not None
-        return told
+        """Follow a job until a condition holds."""
+        state = next((state for state in self.events(job) if wanted(state)), None)
+        assert state is not None
+        return state
 
     def worker(self, job):
-        """The process of a job, when it is at work: a child of the server of forks, which is a child of the server."""
-        self.until(job, lambda told: told["state"] == "running" and told["stage"])
+        """Pid of the worker of a running job: a child of the fork server, which is a child of the server."""
+        self.until(job, lambda state: state["state"] == "running" and state["stage"])
         found = [pid for child in children(self.process.pid) for pid in children(child)]
         assert len(found) == 1
         return found[0]

@@ -1,4 +1,4 @@
-"""Shelves of small scans for the tests of batches."""
+"""Collections of small scans for the tests of batches."""
 
 import json
 import re
@@ -18,7 +18,7 @@ def write_small_scan(folder, name="book", seed=0):
 
 
 class SynchronousPool:
-    """A pool that does its tasks at once, in this thread."""
+    """A pool that runs its tasks at once, in this thread."""
 
     def __init__(self, slots=1, memory=float("inf")):
         self.slots, self.memory = slots, memory
@@ -41,7 +41,7 @@ class SynchronousPool:
 
 
 def digests(out):
-    """SHA-256 of every file of an output folder but its own; times left out."""
+    """SHA-256 of every file of an output folder without .planish; times are ignored."""
     files = [path for path in out.rglob("*") if path.is_file() and ".planish" not in path.parts]
     return {str(path.relative_to(out)): sha256(_timeless(path)).hexdigest() for path in files}
 

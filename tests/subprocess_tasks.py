@@ -1,4 +1,4 @@
-"""Work for processes of their own: functions that such a process can import by name."""
+"""Functions for subprocesses, which import them by name."""
 
 import os
 import signal

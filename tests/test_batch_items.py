@@ -110,7 +110,7 @@ def test_a_list_as_csv(tmp_path):
 
 def test_a_list_as_json_lines(tmp_path):
     text = '{"scan": "/else/1.obj", "photo": ["p.jpg", "q.jpg"]}\n\n{"scan": "../2.obj"}\n'
-    first, second = listed(tmp_path, text, "shelf.jsonl")
+    first, second = listed(tmp_path, text, "scans.jsonl")
     assert (first.name, second.name) == ("2", "else/1")
     assert second.scan == Path("/else/1.obj")
     assert second.photo == (tmp_path / "p.jpg", tmp_path / "q.jpg")
@@ -150,7 +150,7 @@ def test_invalid_lists(tmp_path, text, sentence):
 )
 def test_invalid_json_lines(tmp_path, text, sentence):
     with pytest.raises(InputError, match=sentence):
-        listed(tmp_path, text, "shelf.jsonl")
+        listed(tmp_path, text, "scans.jsonl")
 
 
 # Input files

@@ -25,7 +25,7 @@ GOOD = 6
 @pytest.fixture(scope="module")
 def scans(tmp_path_factory):
     """Six good scans of two sheets, a truncated one, and one that is not a mesh."""
-    folder = tmp_path_factory.mktemp("shelf") / "in"
+    folder = tmp_path_factory.mktemp("batch") / "in"
     for k, name in enumerate(["book", "wave"]):
         first = folder / f"{name}-0"
         write_small_scan(first, name)

@@ -1,4 +1,4 @@
-"""A shelf of virtual scans for benchmarks/batch.py, some of them bad, each in its own way."""
+"""Virtual scans for benchmarks/batch.py, some of them bad, each in its own way."""
 
 import zlib
 from collections.abc import Callable
@@ -13,8 +13,8 @@ from planish.types import Mesh, Scan
 SHEETS = ("book", "letter", "wave", "curl", "miura", "crumpled", "spread")
 
 
-def make_shelf(folder: Path, scans: int, bad: int, points: int, photo_px: tuple[int, int]) -> None:
-    """Scans in boxes of twenty, each turned in its own way and with noise of its own; the last ones are bad."""
+def make_scans(folder: Path, scans: int, bad: int, points: int, photo_px: tuple[int, int]) -> None:
+    """Write scans in folders of twenty, each with its own rotation and noise; the last ones are bad."""
     names = SHEETS[:scans]
     bases = [virtual_scan(sheet(name), points=points, photo_px=photo_px, noise_mm=0.05).scan for name in names]
     for k in range(scans):
