@@ -17,7 +17,7 @@ import pytest
 from planish.cli.main import run
 from planish.errors import OutputError
 from planish.io import all_or_nothing, write_json, write_page, write_scan
-from planish.io.atomic import Part
+from planish.io.atomic import AtomicFile
 from planish.io.files import write_bytes, writing, writing_folder
 from planish.types import Page
 from samples import sheet_scan
@@ -163,7 +163,7 @@ def test_what_a_killed_process_left_is_taken_away_by_the_next(tmp_path, manner):
 
 def test_what_another_process_is_writing_is_left_alone(tmp_path):
     target = tmp_path / "page.tif"
-    other = Part(target)
+    other = AtomicFile(target)
     other.path.write_text("the other's")
     write_bytes(target, b"ours")
     assert other.path.read_text() == "the other's"
@@ -248,9 +248,9 @@ def test_a_signal_in_the_middle_of_decoding_is_not_silenced(tmp_path):
     code = (
         "import os, signal, sys, threading\n"
         "from planish.cli import main as run\n"
-        "from planish.io.suppress_stderr import silence\n"
+        "from planish.io.suppress_stderr import suppress_stderr\n"
         "def work(arguments):\n"
-        "    with silence():\n"
+        "    with suppress_stderr():\n"
         "        os.kill(os.getpid(), signal.SIGTERM); threading.Event().wait(30)\n"
         "sys.modules['planish.cli.main'].run = work\n"
         "run([])\n"

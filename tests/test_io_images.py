@@ -171,7 +171,7 @@ def png_that_claims(width, height):
     ("data", "sentence"),
     [
         (b"no image at all", "no image that can be read"),
-        (b"%PDF-1.7\n", "no image that can be read"),
+        (b"%PDF-1.7\n", "is a PDF; save it as JPEG"),
         (encoded(COLOUR[:1, :1], "PNG"), "is 1 x 1 pixels"),
         (encoded(COLOUR[:1], "PNG"), "is 60 x 1 pixels"),
         (png_that_claims(30_000, 30_000), "900 megapixels"),

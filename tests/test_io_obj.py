@@ -113,16 +113,16 @@ def test_a_file_cut_at_a_line_end_is_suspected():
     assert any("was the file cut short?" in warning.sentence for warning in mesh.warnings)
 
 
-def test_the_image_that_most_faces_show_is_used(tmp_path):
+def test_every_face_keeps_its_own_image(tmp_path):
     (tmp_path / "sheet.mtl").write_text("newmtl a\nmap_Kd one.png\nnewmtl b\nmap_Kd two.png\nnewmtl c\n")
     for name in ("one.png", "two.png"):
         (tmp_path / name).write_bytes(b"1")
     faces = "usemtl a\nf 1/1 2/1 3/1\nusemtl b\nf 1/1 3/1 4/1\nf 1/1 2/1 4/1\nusemtl c\nf 2/1 3/1 4/1\n"
     mesh = read("mtllib sheet.mtl\n" + SQUARE + "vt 0 0\n" + faces, tmp_path / "sheet.obj")
+    assert mesh.images.files == (tmp_path / "one.png", tmp_path / "two.png")
+    assert mesh.images.of_face.tolist() == [0, 1, 1, -1]
     assert mesh.texture == tmp_path / "two.png"
-    assert mesh.polygons.uv_corners.reshape(-1, 3)[:, 0].tolist() == [-1, 0, 0, -1]
-    assert len(mesh.warnings) == 1
-    assert "1 faces on others" in mesh.warnings[0].sentence
+    assert mesh.warnings == []
 
 
 def test_missing_material_and_image_are_said_and_the_geometry_is_read(tmp_path):

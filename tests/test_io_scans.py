@@ -170,8 +170,8 @@ def test_a_page_of_two_metres_or_two_millimetres_is_doubted(tmp_path, scale):
         "when its numbers are taken as" in warning.sentence
         for warning in read_scan(tmp_path / "sheet.obj", units="mm").warnings
     )
-    with pytest.raises(UsageError, match="must be one of"):
-        read_scan(tmp_path / "sheet.obj", units="ft")
+    with pytest.raises(UsageError, match="the unit must be auto"):
+        read_scan(tmp_path / "sheet.obj", units="parsec")
 
 
 def test_a_point_beyond_all_numbers_is_refused(tmp_path):

@@ -17,7 +17,10 @@ Shading = Literal["geometry", "background", "none"]
 Rotation = Literal["auto", "0", "90", "180", "270"]
 PhotoShape = Literal["auto", "text-lines", "borders", "shading", "polynomial"]
 Paper = Literal["unknown", "a3", "a4", "a5", "letter", "legal"]
-Units = Literal["auto", "mm", "cm", "m", "in"]
+Units = str
+"""auto, mm, cm, m, in, or the length of a step of 1 in the file's numbers, such as 7.91um."""
+NamedUnits = Literal["auto", "mm", "cm", "m", "in"]
+"""Those that a menu offers."""
 Pages = Literal["1", "2", "auto"]
 PageKind = Literal["tif", "png", "jpg", "pdf"]
 

@@ -16,7 +16,7 @@ from typing import Any
 from planish.batch.inputs import FileStamp
 from planish.batch.items import Item
 from planish.batch.row import Row, row_from_json
-from planish.io.files import telling, write_bytes
+from planish.io.files import translate_os_errors, write_bytes
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ class Journal:
         self.entries = {entry.row.name: entry for line in lines if (entry := _parse_line(line))}
         if len(lines) != len(self.entries) + 1:  # superseded entries, or a truncated line
             write_bytes(self.path, (_format_line(entry) for entry in self.entries.values()))
-        with telling(self.path):
+        with translate_os_errors(self.path):
             self._file = self.path.open("ab")
         return self
 
@@ -88,7 +88,7 @@ class Journal:
 
     def add(self, entry: Entry) -> None:
         """Append an entry; it is on disk when this returns."""
-        with telling(self.path):
+        with translate_os_errors(self.path):
             self._file.write(_format_line(entry))
             self._file.flush()
             os.fsync(self._file.fileno())

@@ -26,7 +26,7 @@ from planish.batch.items import Item
 from planish.batch.journal import Entry, Journal, item_as_json
 from planish.batch.row import row_from_json
 from planish.errors import OutputError
-from planish.io.files import check_writable, make_folder, telling
+from planish.io.files import check_writable, make_folder, translate_os_errors
 
 RECORD = "item.json"
 """In the folder of every item: fingerprints of its inputs, and its outcome."""
@@ -71,7 +71,7 @@ class OutputDir:
         """
         target = self.folder / name
         make_folder(target.parent)
-        with telling(target):
+        with translate_os_errors(target):
             if target.exists():
                 target.rename(self.work_dir / f"before-{secrets.token_hex(8)}")
             finished.rename(target)
@@ -91,7 +91,7 @@ def open_output_dir(folder: Path) -> Iterator[OutputDir]:
     make_folder(state_dir)
     check_writable(state_dir / "lock")
     with ExitStack() as stack:
-        with telling(folder):
+        with translate_os_errors(folder):
             lock = stack.enter_context((state_dir / "lock").open("a+"))
             _acquire_lock(lock, folder)
             _clear_folder(state_dir / "work")
@@ -133,7 +133,7 @@ def write_record(folder: Path, entry: Entry) -> None:
         "sha256": {Path(stamp.path).name: stamp.sha256 or None for stamp in entry.file_stamps},
     }
     path = folder / RECORD
-    with telling(path):
+    with translate_os_errors(path):
         path.write_text(json.dumps(plain, indent=2, ensure_ascii=True) + "\n")
         for file in [*folder.iterdir(), folder]:
             fsync_path(file)

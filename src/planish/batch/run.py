@@ -17,7 +17,7 @@ from planish.batch.row import Row
 from planish.batch.summary import write_summary
 from planish.batch.task import Task, TaskResult
 from planish.errors import OutputError
-from planish.io.files import tidied
+from planish.io.files import cleanup_on_exit
 from planish.job import check
 from planish.job.worker import Limits
 
@@ -105,7 +105,7 @@ def batch(
         tasks = deque(state.tasks(scans.items))
         if tasks:
             pool = make_pool()
-            with tidied(pool.kill):
+            with cleanup_on_exit(pool.kill):
                 try:
                     state.process(tasks, pool)
                 finally:

@@ -1,4 +1,4 @@
-"""Unfinished files: beside the place that they shall take, each under a lock of the process that writes it.
+"""Atomic writes: a temporary file beside the target, locked by the process that writes it, then renamed.
 
 The system drops the lock however the process ends. So what a killed process left behind is known as such, and taken
 away by the next one that writes to the same place; what a living one is writing is left alone.
@@ -17,7 +17,7 @@ _LONGEST = 100
 """Bytes of the target's name that an unfinished file bears: systems take 255."""
 
 
-class Part:
+class AtomicFile:
     """A file, or a folder, that is being written beside its place.
 
     Parameters

@@ -21,6 +21,9 @@ _HERE = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 def read_pcd(path: Path, data: bytes) -> FileCloud:
     """Read a PCD: ascii, binary or binary_compressed; a HEIGHT above 1 tells a range image.
 
+    In metres, as the Point Cloud Library and the robots' world around it (ROS, REP 103) have it, unless a comment
+    names another unit. `decide_unit` takes them for millimetres where metres make no sheet.
+
     Raises
     ------
     InputError
@@ -52,7 +55,7 @@ def read_pcd(path: Path, data: bytes) -> FileCloud:
     scanner = np.array(head.viewpoint[:3]) if tuple(head.viewpoint) != _HERE else None
     comments = "\n".join(line for line in data[:4096].decode("ascii", "replace").splitlines() if line.startswith("#"))
     normals = _columns(table, ("normal_x", "normal_y", "normal_z"))
-    return FileCloud(points, _colours(table), normals, shape_rc, scanner, unit_named_in(comments))
+    return FileCloud(points, _colours(table), normals, shape_rc, scanner, unit_named_in(comments) or "m")
 
 
 def _columns(table: NDArray, names: tuple[str, ...]) -> Floats | None:

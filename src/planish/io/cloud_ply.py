@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 
 from planish.errors import InputError
 from planish.io.filecloud import FileCloud, as_colours, as_grey
-from planish.io.ply import Column, ply_points, ply_tables
+from planish.io.ply import Column, ply_colours, ply_points, ply_tables
 from planish.io.units import unit_named_in
 from planish.types import Floats, Pixels
 
-_COLOURS = (("red", "green", "blue"), ("diffuse_red", "diffuse_green", "diffuse_blue"), ("r", "g", "b"))
 _STRENGTHS = ("intensity", "scalar_intensity", "reflectance", "confidence")
 _SIZE = re.compile(r"^(num_cols|num_rows|width|height)\s*[:=]?\s*(\d+)\s*$", re.IGNORECASE | re.MULTILINE)
 
@@ -54,9 +53,9 @@ def _columns(vertex: dict[str, Column], names: tuple[str, ...]) -> Floats | None
 
 
 def _colours(vertex: dict[str, Column]) -> Pixels | None:
-    for names in _COLOURS:
-        if all(name in vertex and vertex[name].counts is None for name in names):
-            return as_colours([vertex[name].values for name in names])
+    colours = ply_colours(vertex)
+    if colours is not None:
+        return colours
     strength = next((vertex[name] for name in _STRENGTHS if name in vertex and vertex[name].counts is None), None)
     return None if strength is None else as_grey(strength.values)
 

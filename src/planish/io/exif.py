@@ -9,7 +9,7 @@ from typing import Any, BinaryIO
 from PIL import Image
 
 from planish.dpi import MM_PER_INCH
-from planish.io.suppress_stderr import silence
+from planish.io.suppress_stderr import suppress_stderr
 
 _EXIF = 0x8769
 _FOCAL_LENGTH, _FOCAL_LENGTH_35_MM = 0x920A, 0xA405
@@ -41,7 +41,7 @@ def focal_length_px(file: str | Path | BinaryIO) -> float | None:
     300.5
     """
     try:
-        with silence(), Image.open(file) as image:
+        with suppress_stderr(), Image.open(file) as image:
             width, height = image.size
             said: dict[int, Any] = dict(image.getexif().get_ifd(_EXIF))
     except Exception:  # decoders raise nearly every class there is on damaged files; without EXIF we go on

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planish.errors import InputError
-from planish.io.suppress_stderr import silence
+from planish.io.suppress_stderr import suppress_stderr
 
 EXR = b"\x76\x2f\x31\x01"
 """Every EXR begins with it."""
@@ -28,7 +28,7 @@ def read_exr(path: Path) -> NDArray[np.float32]:
     import OpenEXR
 
     try:
-        with silence():
+        with suppress_stderr():
             channels = OpenEXR.File(str(path), separate_channels=True).channels()
     except Exception as problem:  # its errors are of several classes
         reason = " ".join(str(problem).split())

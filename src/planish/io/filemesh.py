@@ -9,8 +9,9 @@ import numpy as np
 
 from planish.errors import InputError
 from planish.io.polygons import Polygons
+from planish.io.textures import Image, MeshImages
 from planish.io.units import Unit
-from planish.types import Diagnostic, Floats, freeze
+from planish.types import Diagnostic, Floats, Pixels, freeze
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,8 +23,10 @@ class FileMesh:
     points : (n, 3) float64 [file's unit]
         In the file's order; some may not be finite.
     polygons : Polygons
-    texture : Path, bytes or None
-        The image that the texture coordinates belong to: a file, or the bytes of one inside the mesh file.
+    images : MeshImages or None
+        That the texture coordinates belong to, and the image of each face.
+    colours : (n, 3) uint8 or uint16, or None
+        Of the points.
     unit : {"mm", "cm", "m", "in"} or None
         What the file says itself.
     warnings : list of Diagnostic
@@ -31,12 +34,18 @@ class FileMesh:
 
     points: Floats
     polygons: Polygons
-    texture: Path | bytes | None = None
+    images: MeshImages | None = None
+    colours: Pixels | None = None
     unit: Unit | None = None
     warnings: list[Diagnostic] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         freeze(self)
+
+    @property
+    def texture(self) -> Image | None:
+        """The image that most faces show; None where there is none, or its file is missing."""
+        return self.images.files[self.images.shown[0]] if self.images is not None and self.images.shown else None
 
 
 def check_faces(path: Path, points: Floats, polygons: Polygons) -> None:

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from planish.errors import InputError, OutputError
-from planish.io.atomic import Part
+from planish.io.atomic import AtomicFile
 from planish.memory import check_memory
 from planish.types import Report
 
@@ -35,7 +35,7 @@ _REASONS = {
 _PART = 1 << 26
 """Bytes that are read at a time where a file's size is not known."""
 
-_WAITING: ContextVar[list[tuple[Part, Path]] | None] = ContextVar("_WAITING", default=None)
+_WAITING: ContextVar[list[tuple[AtomicFile, Path]] | None] = ContextVar("_WAITING", default=None)
 """Finished files and the names that they shall get, inside `all_or_nothing`."""
 
 
@@ -49,19 +49,19 @@ _PLACING = RLock()
 def drop_unfinished() -> None:
     """Take away all that is half-written, for a process that is about to end in the middle of it."""
     with _PLACING:
-        for tidy in list(_UNFINISHED.values()):
-            tidy()
+        for cleanup in list(_UNFINISHED.values()):
+            cleanup()
 
 
 @contextmanager
-def tidied(tidy: Callable[[], None]) -> Iterator[None]:
+def cleanup_on_exit(cleanup: Callable[[], None]) -> Iterator[None]:
     """Tidy at the end of the block, or when the process ends within."""
-    _UNFINISHED[id(tidy)] = tidy
+    _UNFINISHED[id(cleanup)] = cleanup
     try:
         yield
     finally:
-        tidy()
-        del _UNFINISHED[id(tidy)]
+        cleanup()
+        del _UNFINISHED[id(cleanup)]
 
 
 def read_bytes(path: str | Path) -> bytes:
@@ -134,7 +134,7 @@ def check_writable(path: str | Path, *, overwrite: bool = True) -> None:
         `overwrite` is false.
     """
     path = Path(path)
-    with telling(path):
+    with translate_os_errors(path):
         _check_writable(path, overwrite)
 
 
@@ -168,7 +168,7 @@ def make_folder(path: str | Path) -> None:
         If a file stands there, or the system refuses.
     """
     path = Path(path)
-    with telling(path):
+    with translate_os_errors(path):
         try:
             path.mkdir(parents=True, exist_ok=True)
         except (FileExistsError, NotADirectoryError):
@@ -189,19 +189,19 @@ def writing(path: str | Path) -> Iterator[Path]:
     path = Path(path)
     check_writable(path)
     if _is_stream(path):  # a pipe or /dev/stdout must be written to, not replaced
-        with telling(path):
+        with translate_os_errors(path):
             yield path
         return
     target = path.resolve()  # through a symbolic link
-    with telling(path):
-        part = Part(target)
+    with translate_os_errors(path):
+        part = AtomicFile(target)
     waiting, handed_on = _WAITING.get(), False
 
-    def tidy() -> None:
+    def cleanup() -> None:
         if not handed_on:
             part.drop()
 
-    with tidied(tidy), telling(path):
+    with cleanup_on_exit(cleanup), translate_os_errors(path):
         yield part.path
         if target.exists():
             shutil.copymode(target, part.path)
@@ -230,15 +230,15 @@ def all_or_nothing() -> Iterator[None]:
     ...     before, sorted(path.name for path in Path(folder).iterdir())
     (['.part', '.part'], ['a.txt', 'b.txt'])
     """
-    waiting: list[tuple[Part, Path]] = []
+    waiting: list[tuple[AtomicFile, Path]] = []
 
-    def tidy() -> None:
+    def cleanup() -> None:
         for part, _ in waiting:
             part.drop()
 
     outer = _WAITING.get()
     mark = _WAITING.set(waiting)
-    with tidied(tidy):
+    with cleanup_on_exit(cleanup):
         try:
             yield
         finally:
@@ -248,7 +248,7 @@ def all_or_nothing() -> Iterator[None]:
             waiting.clear()
         with _PLACING:
             for part, target in waiting:
-                with telling(target):
+                with translate_os_errors(target):
                     part.take_place(target)
 
 
@@ -266,17 +266,17 @@ def writing_folder(path: str | Path) -> Iterator[Path]:
     target = path.resolve()
     if target.is_file():
         raise OutputError(f"{path} is a file, not a folder; give another name")
-    with telling(path):
-        part = Part(target, folder=True)
+    with translate_os_errors(path):
+        part = AtomicFile(target, folder=True)
     before = part.path.with_suffix(".before")
 
-    def tidy() -> None:
+    def cleanup() -> None:
         if before.exists() and not target.exists():
             before.rename(target)
         part.drop()
         shutil.rmtree(before, ignore_errors=True)
 
-    with tidied(tidy), telling(path):
+    with cleanup_on_exit(cleanup), translate_os_errors(path):
         yield part.path
         part.sync()
         shutil.rmtree(before, ignore_errors=True)
@@ -329,7 +329,7 @@ def _is_stream(path: Path) -> bool:
 
 
 @contextmanager
-def telling(path: Path) -> Iterator[None]:
+def translate_os_errors(path: Path) -> Iterator[None]:
     """Turn the system's errors into sentences."""
     try:
         yield

@@ -19,7 +19,7 @@ from planish.io.ply_write import ply_parts
 from planish.io.polygons import Polygons, triangulate, uv_of_points
 from planish.io.scans import ReadScan
 from planish.io.tifxyz import write_tifxyz
-from planish.io.units import MM_PER_UNIT
+from planish.io.units import mm_per_unit
 from planish.mesh import rasterize
 from planish.types import Floats, Ints
 
@@ -119,11 +119,11 @@ def _flat(found: ReadScan, page_xy: Floats, as_: str) -> _Flat:
     comment = (
         f"units: {found.unit}\nthe scan's points; texture coordinates are their places on the flat page in mm, y up"
     )
-    return _Flat(_file_points(found), polygons, comment, MM_PER_UNIT[found.unit])
+    return _Flat(_file_points(found), polygons, comment, mm_per_unit(found.unit))
 
 
 def _file_points(found: ReadScan) -> Floats:
-    return found.scan.mesh.points / MM_PER_UNIT[found.unit]
+    return found.scan.mesh.points / mm_per_unit(found.unit)
 
 
 # PLY
@@ -205,7 +205,7 @@ def _write_grid(path: Path, found: ReadScan, page_xy: Floats) -> None:
     a, b, c = (_file_points(found)[faces[np.maximum(face, 0), k]] for k in range(3))
     xyz = a + weights[..., :1] * (b - a) + weights[..., 1:] * (c - a)
     xyz[face < 0] = np.nan
-    write_tifxyz(path, xyz, per_unit=MM_PER_UNIT[found.unit] / step)
+    write_tifxyz(path, xyz, per_unit=mm_per_unit(found.unit) / step)
 
 
 def _median_step(page_xy: Floats, faces: Ints) -> float:

@@ -15,6 +15,8 @@ _MM_PER_METRE = 1000.0
 _FLOAT, _UNSIGNED = 5126, 5125
 _VERTICES, _INDICES = 34962, 34963
 
+_CLAMP_TO_EDGE = 33071
+
 
 def glb_bytes(
     points: Floats, faces: Ints, uv: Floats | None = None, image: bytes | None = None, *, software: str = "planish"
@@ -68,7 +70,8 @@ def glb_bytes(
     }
     if image is not None:
         mime = "image/png" if image.startswith(b"\x89PNG") else "image/jpeg"
-        tree |= {"images": [{"bufferView": view(image), "mimeType": mime}], "textures": [{"source": 0}]}
+        tree |= {"images": [{"bufferView": view(image), "mimeType": mime}], "textures": [{"source": 0, "sampler": 0}]}
+        tree["samplers"] = [{"wrapS": _CLAMP_TO_EDGE, "wrapT": _CLAMP_TO_EDGE}]  # what lies outside is not on the photo
         tree["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"] = {"index": 0}
     tree |= {"accessors": accessors, "bufferViews": views, "buffers": [{"byteLength": sum(map(len, parts))}]}
     return _container(json.dumps(tree).encode(), b"".join(parts))

@@ -15,7 +15,8 @@ from PIL import Image, ImageCms
 
 from planish.errors import InputError
 from planish.io.files import read_bytes
-from planish.io.suppress_stderr import silence
+from planish.io.photo_kinds import decode_other, other_kind
+from planish.io.suppress_stderr import suppress_stderr
 from planish.memory import check_memory
 from planish.types import Diagnostic, Pixels
 
@@ -27,6 +28,7 @@ FORMATS = {
     "BMP": "BMP",
     "JPEG2000": "JPEG 2000",
     "PPM": "PPM",
+    "AVIF": "AVIF",
 }
 """What Pillow calls them, and what people do."""
 
@@ -72,7 +74,8 @@ def read_photo(path: str | Path, *, upright: bool = False) -> Photo:
     Parameters
     ----------
     path : str or Path
-        JPEG, PNG, TIFF, WebP, BMP, JPEG 2000 or PPM, told by its content.
+        JPEG, PNG, TIFF, WebP, BMP, JPEG 2000, PPM or AVIF, told by its content; with `planish[photos]` also HEIC, and
+        a camera's raw photo (DNG, NEF, CR2, ARW ...), which is developed with the camera's white balance to 16 bit.
     upright : bool
         Turn the photo as its EXIF orientation asks. By default its pixels stay as they are stored, because texture
         coordinates and calibrated cameras count those; a warning says so where that makes a difference.
@@ -85,7 +88,9 @@ def read_photo(path: str | Path, *, upright: bool = False) -> Photo:
     Raises
     ------
     InputError
-        If there is no such file, it is no such image, damaged, cut short, below 8 or above 400 megapixels.
+        If there is no such file, it is no such image, damaged, cut short, below 8 pixels or above 400 megapixels.
+    MissingExtraError
+        If it is HEIC or raw, and the library for it is not installed.
 
     Examples
     --------
@@ -102,6 +107,13 @@ def read_photo(path: str | Path, *, upright: bool = False) -> Photo:
 def decode_photo(name: str, data: bytes, *, upright: bool = False) -> Photo:
     """Read a photo from the bytes of its file; `name` is for messages. As `read_photo`."""
     warnings: list[Diagnostic] = []
+    kind = other_kind(name, data)
+    if kind is not None:
+        with suppress_stderr():
+            pixels, icc = decode_other(name, data, kind)
+        _check_pixels(name, pixels.shape[1], pixels.shape[0])
+        pixels, icc = _three_channels(name, pixels, icc, warnings)
+        return Photo(np.ascontiguousarray(pixels), icc, warnings)
     with _decoding(name):
         image = Image.open(io.BytesIO(data), formats=list(FORMATS))
         _check_size(name, image, data)
@@ -145,7 +157,7 @@ def _decoding(name: str, wanted: str = _WANTED) -> Iterator[None]:
     """Let Pillow open large images, keep decoders quiet, and make one sentence of whatever a bad file raises."""
     limit, Image.MAX_IMAGE_PIXELS = Image.MAX_IMAGE_PIXELS, None
     try:
-        with silence():
+        with suppress_stderr():
             yield
     except InputError:
         raise
@@ -163,21 +175,26 @@ def _decoding(name: str, wanted: str = _WANTED) -> Iterator[None]:
 def _check_size(name: str, image: Image.Image, data: bytes, fewest: int = FEWEST_PIXELS) -> None:
     width, height = image.size
     megapixels = width * height / 1e6
-    if megapixels > MOST_MEGAPIXELS:
-        raise InputError(
-            f"{name} has {width} x {height} = {megapixels:.0f} megapixels; at most {MOST_MEGAPIXELS:.0f} are read. Give"
-            " a smaller photo"
-        )
+    _check_pixels(name, width, height, fewest)
     unpacked = width * height * (1 / 8 if image.mode == "1" else len(image.getbands()))
     if megapixels > PLAUSIBLE_MEGAPIXELS and unpacked > PLAUSIBLE_PACKING * len(data):
         raise InputError(
             f"{name} says that it has {width} x {height} pixels, but no photo fits so many into {len(data)} bytes; is"
             " the file damaged or cut short?"
         )
-    if min(width, height) < fewest:
-        raise InputError(f"{name} is {width} x {height} pixels; a photo of the sheet is wanted")
     per_pixel = _BYTES_PER_PIXEL[16 if _has_sixteen_bits(data, image) else 8]
     check_memory(width * height * per_pixel, f"{name} with its {megapixels:.0f} megapixels", "give a smaller photo")
+
+
+def _check_pixels(name: str, width: int, height: int, fewest: int = FEWEST_PIXELS) -> None:
+    megapixels = width * height / 1e6
+    if megapixels > MOST_MEGAPIXELS:
+        raise InputError(
+            f"{name} has {width} x {height} = {megapixels:.0f} megapixels; at most {MOST_MEGAPIXELS:.0f} are read. Give"
+            " a smaller photo"
+        )
+    if min(width, height) < fewest:
+        raise InputError(f"{name} is {width} x {height} pixels; a photo of the sheet is wanted")
 
 
 def _orientation(image: Image.Image) -> int:

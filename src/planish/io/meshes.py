@@ -8,6 +8,7 @@ from pathlib import Path
 from planish.errors import InputError
 from planish.io.filemesh import FileMesh
 from planish.io.files import is_folder, read_bytes
+from planish.io.text import as_utf8
 from planish.memory import check_memory
 
 _OTHER_SUFFIXES = {
@@ -45,7 +46,7 @@ def read_mesh(path: Path, inside: Path | None = None) -> FileMesh:
         from planish.io.tifxyz import read_tifxyz
 
         return read_tifxyz(path)
-    data = read_bytes(path)
+    data = as_utf8(read_bytes(path))
     check_memory(_TIMES_ITS_SIZE * len(data), f"the mesh {path}", "let the scanner's software reduce it")
     if re.match(rb"ply[ \t]*[\r\n]", data):
         from planish.io.ply import read_ply

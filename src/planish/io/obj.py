@@ -16,11 +16,15 @@ from numpy.lib.stride_tricks import as_strided
 from numpy.typing import NDArray
 
 from planish.errors import InputError
+from planish.io.filecloud import as_colours
 from planish.io.filemesh import FileMesh, check_faces
+from planish.io.mtl import Map, read_mtl
 from planish.io.polygons import Polygons
-from planish.io.textures import find_beside, find_image, use_one_image
+from planish.io.text import as_text
+from planish.io.textures import MeshImages, find_beside, find_image, transformed_uv
 from planish.io.units import Unit, unit_named_in
-from planish.types import Diagnostic, Floats, Ints
+from planish.io.uv_charts import without_whole_shifts
+from planish.types import Diagnostic, Floats, Ints, Pixels
 
 _NUMBER = rb"[ \t]++[-+]?+(?:[0-9]++\.?+[0-9]*+|\.[0-9]++)(?:[eE][-+]?+[0-9]++)?+"
 _INDEX = rb"-?+[0-9]{1,9}+"
@@ -40,6 +44,8 @@ _NOT_FINITE = re.compile(
     rb"(?<=[ \t])[-+]?(?:1\.\#)?(?:nan|inf(?:inity)?|ind|qnan|snan)(?:\([^)]*\)|[0-9]*)(?=[ \t\r\n])", re.I
 )
 _EMPTY_INDEX = re.compile(rb"/+(?=[ \t\n]|\Z)")
+_HEAD = 1 << 16
+"""Bytes in which the first point is looked for: a longer comment at the head is not known to exist."""
 _BEYOND = b"9e999"  # reads as infinite
 
 _LOST_POINTS = 0.1
@@ -56,25 +62,27 @@ def read_obj(path: Path, data: bytes, inside: Path | None = None) -> FileMesh:
     """
     whole = data.endswith((b"\n", b"\r"))
     data = _checked(path, data if whole else data + b"\n", whole)
+    maps, warnings = _libraries(path, data, inside)
+    data, used = _numbered_materials(data)
     reader = tinyobjloader.ObjReader()
     config = tinyobjloader.ObjReaderConfig()
     config.triangulate = False
-    mtl, warnings = _materials_text(path, data, inside)
-    if not reader.ParseFromString(data, mtl, config):
+    if not reader.ParseFromString(data, "".join(f"newmtl m{k}\n" for k in range(len(used))), config):
         raise InputError(f"{path} is no OBJ that can be read: {_first_line(reader.Error())}; was the file cut short?")
     points = _dense(reader.GetAttrib().numpy_vertices()).reshape(-1, 3)
     polygons, materials = _polygons(reader)
     check_faces(path, points, polygons)
-    warnings += _check_complete(path, points, polygons, whole)
-    polygons, texture, told = _texture(path, polygons, materials, reader.GetMaterials(), inside)
-    return FileMesh(points, polygons, texture, _unit(data), warnings=warnings + told)
+    told = _check_complete(path, points, polygons, whole)
+    colours = _colours(reader, data, len(points))
+    polygons, images = _images(path, polygons, materials, used, maps, warnings, inside)
+    return FileMesh(points, polygons, images, colours, _unit(data), warnings=[*told, *images.warnings])
 
 
 def _checked(path: Path, data: bytes, whole: bool) -> bytes:
-    """The file's bytes once every line is known to be good OBJ, tidied where need be."""
+    """The file's bytes once every line is known to be good OBJ, in its plain form where need be."""
     if _LINES.fullmatch(data):
         return data
-    data = _tidied(data)
+    data = _normalized(data)
     good = _LINES.match(data)
     stop = good.end() if good else 0
     if stop == len(data):
@@ -91,7 +99,7 @@ def _checked(path: Path, data: bytes, whole: bool) -> bytes:
     )
 
 
-def _tidied(data: bytes) -> bytes:
+def _normalized(data: bytes) -> bytes:
     """The rarer ways to write the same: line ends of old Macs, continued lines, comments after data, 1/ for 1, NaN."""
     data = data.removeprefix(b"\xef\xbb\xbf").replace(b"\r\n", b"\n").replace(b"\r", b"\n").replace(b"\\\n", b" ")
     if re.search(rb"nan|inf|ind", data, re.IGNORECASE):
@@ -150,43 +158,118 @@ def _first_line(text: str) -> str:
 # Materials
 
 
-def _materials_text(path: Path, data: bytes, inside: Path | None) -> tuple[str, list[Diagnostic]]:
-    """The text of all MTL files that the OBJ names, and a warning for each that is missing."""
-    texts: list[str] = []
+def _numbered_materials(data: bytes) -> tuple[bytes, list[str]]:
+    """The OBJ with materials m0, m1 ... and their names: tinyobjloader ends a name at its first blank."""
+    names: list[str] = []
+    number: dict[str, int] = {}
+    parts, at = [b"mtllib m\n"], 0
+    for line in re.finditer(rb"(?:usemtl|mtllib)[ \t]+([^\n]*)", data):  # not ^, which is ten times as slow to find
+        if not _begins_its_line(data, line.start()):
+            continue
+        parts.append(data[at : line.start()])
+        at = line.end()
+        if line[0].startswith(b"usemtl"):
+            name = as_text(line[1].strip())
+            if name not in number:
+                number[name] = len(names)
+                names.append(name)
+            parts.append(b"usemtl m%d" % number[name])
+    return (b"".join([*parts, data[at:]]) if names else data), names
+
+
+def _begins_its_line(data: bytes, at: int) -> bool:
+    """Whether only blanks stand before a place: otherwise it is in a comment, or part of another word."""
+    return not data[data.rfind(b"\n", 0, at) + 1 : at].strip()
+
+
+def _libraries(path: Path, data: bytes, inside: Path | None) -> tuple[dict[str, Map | None], list[Diagnostic]]:
+    """The maps of all MTL files that the OBJ names, and a sentence on each that is missing."""
+    maps: dict[str, Map | None] = {}
     warnings: list[Diagnostic] = []
-    for line in re.finditer(rb"mtllib[ \t]+([^\n]*)", data):  # not ^mtllib, which is ten times as slow to search for
-        if data[data.rfind(b"\n", 0, line.start()) + 1 : line.start()].strip():
-            continue  # a comment, or part of another word
-        name = line[1].strip().decode("utf-8", "replace")
-        found = find_beside(path, name, inside)
-        if found is None:
-            sentence = f"{path} names the material file {name}, which does not exist"
-            warnings.append(Diagnostic("material-file-missing", sentence))
+    for line in re.finditer(rb"mtllib[ \t]+([^\n]*)", data):
+        if not _begins_its_line(data, line.start()):
             continue
-        try:
-            text = found.read_bytes()
-        except OSError as problem:
-            warnings.append(Diagnostic("material-file-unreadable", f"{found} cannot be read: {problem.strerror}"))
-            continue
-        try:
-            texts.append(text.decode("utf-8"))
-        except UnicodeDecodeError:
-            texts.append(text.decode("latin-1"))
-    return "\n".join(texts), warnings
+        for name, found in _library_files(path, as_text(line[1].strip()), inside):
+            if found is None:
+                sentence = f"{path} names the material file {name}, which does not exist"
+                warnings.append(Diagnostic("material-file-missing", sentence))
+                continue
+            try:
+                text = found.read_bytes()
+            except OSError as problem:
+                warnings.append(Diagnostic("material-file-unreadable", f"{found} cannot be read: {problem.strerror}"))
+                continue
+            for material, image in read_mtl(as_text(text)).items():
+                maps.setdefault(material, image)
+    return maps, list(dict.fromkeys(warnings))
 
 
-def _texture(
-    path: Path, polygons: Polygons, materials: Ints, known: list[tinyobjloader.material_t], inside: Path | None
-) -> tuple[Polygons, Path | None, list[Diagnostic]]:
-    """The image of the material that most faces have."""
-    names = [material.diffuse_texname for material in known]
-    images = sorted({name for name in names if name})
-    image_of_material = np.array([images.index(name) if name else -1 for name in names] + [-1])
-    polygons, chosen, warnings = use_one_image(path, polygons, images, image_of_material[materials])
-    if chosen is None:
-        return polygons, None, warnings
-    image, missing = find_image(path, images[chosen], inside)
-    return polygons, image, warnings + missing
+def _library_files(path: Path, rest: str, inside: Path | None) -> list[tuple[str, Path | None]]:
+    """The files of a mtllib line: names are parted by blanks, and may hold blanks; the longest that exists counts."""
+    words = rest.split(" ")
+    found: list[tuple[str, Path | None]] = []
+    lost: list[str] = []
+    start = 0
+    while start < len(words):
+        for stop in range(len(words), start, -1):
+            name = " ".join(words[start:stop]).strip().strip('"')
+            file = find_beside(path, name, inside) if name else None
+            if file is not None:
+                found += [(" ".join(lost), None)] if lost else []
+                found.append((name, file))
+                lost = []
+                break
+        else:
+            lost += [words[start]] if words[start] else []
+        start = stop
+    return [*found, (" ".join(lost), None)] if lost else found
+
+
+def _images(
+    path: Path,
+    polygons: Polygons,
+    materials: Ints,
+    used: list[str],
+    maps: dict[str, Map | None],
+    warnings: list[Diagnostic],
+    inside: Path | None,
+) -> tuple[Polygons, MeshImages]:
+    """The image of each face by its material; with scale, offset and repeats of the map taken out of the coordinates.
+
+    Where no face names a material, the first one with an image is meant for all.
+    """
+    of_material = [maps.get(name) for name in used]
+    if not used:
+        of_material = [next((image for image in maps.values() if image), None)]
+        materials = np.zeros(len(materials), np.int32)
+    elif maps and not any(of_material) and any(maps.values()):
+        named = ", ".join(f"“{name}”" for name in [name for name in used if name not in maps][:3])
+        if named:
+            sentence = f"{path} uses the material {named}, which its material file does not have"
+            warnings = [*warnings, Diagnostic("material-missing", sentence)]
+    names = sorted({image.name for image in of_material if image})
+    if not names or polygons.uv_corners is None:
+        return polygons, MeshImages((), (), np.full(len(polygons.sizes), -1, np.int32), tuple(warnings))
+    index = np.array([names.index(image.name) if image else -1 for image in of_material] + [-1], np.int32)
+    for k, image in enumerate(of_material):
+        if image and image.moves and (materials == k).any():
+            polygons = transformed_uv(polygons, np.flatnonzero(materials == k), image.scale, image.offset)
+    repeats = np.array([bool(image and not image.clamp) for image in of_material] + [False])
+    polygons = without_whole_shifts(polygons, repeats[materials])
+    files = []
+    for name in names:
+        file, missing = find_image(path, name, inside)
+        files.append(file)
+        warnings = [*warnings, *missing]
+    return polygons, MeshImages(tuple(names), tuple(files), index[materials], tuple(warnings))
+
+
+def _colours(reader: tinyobjloader.ObjReader, data: bytes, count: int) -> Pixels | None:
+    """Red, green and blue that follow x, y, z, as MeshLab and others write them: 0 to 1, or 0 to 255."""
+    if not re.search(rb"(?m)^[ \t]*v(?:" + _NUMBER + rb"){6,7}[ \t\r]*\n", data[:_HEAD]):
+        return None
+    rgb = _dense(reader.GetAttrib().numpy_colors())
+    return as_colours(list(rgb.reshape(-1, 3).T)) if len(rgb) == 3 * count else None
 
 
 # Writing

@@ -15,12 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planish.errors import InputError
+from planish.io.filecloud import as_colours
 from planish.io.filemesh import FileMesh, check_faces
 from planish.io.plylists import copy_items, walk_rows
 from planish.io.polygons import Polygons
-from planish.io.textures import find_image, use_one_image
+from planish.io.textures import MeshImages, find_image, no_images
 from planish.io.units import unit_named_in
-from planish.types import Floats, Ints
+from planish.io.uv_charts import without_whole_shifts
+from planish.types import Diagnostic, Floats, Ints, Pixels
 
 _KINDS = {
     **{"char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4", "float": "f4"},
@@ -32,6 +34,8 @@ _END = re.compile(rb"(?:\r\n|\n|\r)[ \t]*end_header[ \t]*(?:\r\n|\n|\r)")
 _LONGEST_HEADER = 2**20
 
 _TEXTURE_NAMES = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"))
+_LIST_NAMES = ("texcoord", "texcoords", "texture_coordinates", "uv")
+_COLOUR_NAMES = (("red", "green", "blue"), ("diffuse_red", "diffuse_green", "diffuse_blue"), ("r", "g", "b"))
 _FACE_NAMES = ("vertex_indices", "vertex_index")
 
 
@@ -75,15 +79,27 @@ def read_ply(path: Path, data: bytes, inside: Path | None = None) -> FileMesh:
     """
     tables, comments = ply_tables(path, data, {"vertex", "face"})
     points = ply_points(path, tables.get("vertex", {}))
-    polygons, image_of_face = _polygons(path, tables)
+    polygons, image_of_face, told = _polygons(path, tables)
     check_faces(path, points, polygons)
     names = [_texture_file(line) for line in comments if line.lower().startswith("texturefile ")]
-    polygons, chosen, warnings = use_one_image(path, polygons, names, np.minimum(image_of_face, len(names) - 1))
-    texture = None
-    if chosen is not None:
-        texture, missing = find_image(path, names[chosen], inside)
+    images = _images(path, polygons, names, image_of_face, inside)
+    polygons = without_whole_shifts(polygons, images.of_face >= 0)
+    colours = ply_colours(tables.get("vertex", {}))
+    warnings = [*told, *images.warnings]
+    return FileMesh(points, polygons, images, colours, unit_named_in("\n".join(comments)), warnings=warnings)
+
+
+def _images(path: Path, polygons: Polygons, names: list[str], image_of_face: Ints, inside: Path | None) -> MeshImages:
+    """The images that the comments name, and which of them each face shows (texnumber; the last where it is higher)."""
+    if polygons.uv is None or not names:
+        return no_images(len(polygons.sizes))
+    files: list[Path | None] = []
+    warnings: list[Diagnostic] = []
+    for name in names:
+        file, missing = find_image(path, name, inside)
+        files.append(file)
         warnings += missing
-    return FileMesh(points, polygons, texture, unit_named_in("\n".join(comments)), warnings=warnings)
+    return MeshImages(tuple(names), tuple(files), np.minimum(image_of_face, len(names) - 1), tuple(warnings))
 
 
 def ply_tables(path: Path, data: bytes, wanted: set[str]) -> tuple[dict[str, dict[str, Column]], list[str]]:
@@ -215,23 +231,23 @@ def ply_points(path: Path, vertex: dict[str, Column]) -> Floats:
     return np.stack([vertex[axis].values for axis in "xyz"], axis=1).astype(np.float64)
 
 
-def _polygons(path: Path, tables: dict[str, dict[str, Column]]) -> tuple[Polygons, Ints]:
-    """The faces with at least 3 corners, and the number of the image of each (0 where the file does not say)."""
+def _polygons(path: Path, tables: dict[str, dict[str, Column]]) -> tuple[Polygons, Ints, list[Diagnostic]]:
+    """The faces with at least 3 corners, the number of the image of each (0 where the file does not say), notes."""
     face = tables.get("face", {})
     corners = next((face[name] for name in _FACE_NAMES if name in face and face[name].counts is not None), None)
     if corners is None or corners.counts is None:
-        return Polygons(np.zeros(0, np.int32), np.zeros(0, np.int32)), np.zeros(0, np.int32)
+        return Polygons(np.zeros(0, np.int32), np.zeros(0, np.int32)), np.zeros(0, np.int32), []
     real = corners.counts >= 3
     sizes = corners.counts[real].astype(np.int32)
     index = _as_index(corners.values[np.repeat(real, corners.counts)])
     image = np.zeros(len(real), np.int32)
     if "texnumber" in face and face["texnumber"].counts is None:
         image = _as_index(face["texnumber"].values)
-    uv, uv_corners = _face_texture(face, corners.counts, real)
+    uv, uv_corners, told = _face_texture(path, face, corners.counts, real)
     if uv is None:
         uv = _point_texture(tables["vertex"]) if "vertex" in tables else None
         uv_corners = index if uv is not None else None
-    return Polygons(sizes, index, uv, uv_corners), image[real]
+    return Polygons(sizes, index, uv, uv_corners), image[real], told
 
 
 def _as_index(values: NDArray) -> Ints:
@@ -244,22 +260,38 @@ def _as_index(values: NDArray) -> Ints:
 
 
 def _face_texture(
-    face: dict[str, Column], sizes: NDArray[np.int64], real: NDArray[np.bool_]
-) -> tuple[Floats | None, Ints | None]:
-    """The list texcoord: u and v of every corner; a face whose list has another length has none."""
-    column = face.get("texcoord")
-    if column is None or column.counts is None:
-        return None, None
-    fits = (column.counts == 2 * sizes) & real
-    if not fits.any():
-        return None, None
-    uv = column.values[np.repeat(fits, column.counts)].astype(np.float64).reshape(-1, 2)
-    fits_corner = np.repeat(fits[real], sizes[real])
-    return uv, np.where(fits_corner, np.cumsum(fits_corner) - 1, -1).astype(np.int32)
+    path: Path, face: dict[str, Column], sizes: NDArray[np.int64], real: NDArray[np.bool_]
+) -> tuple[Floats | None, Ints | None, list[Diagnostic]]:
+    """The list of u and v of every corner; a face whose list has another length has none.
+
+    Its usual name is texcoord; under another name a list of floating numbers, two for each corner, is taken for it.
+    """
+    lists = [name for name, column in face.items() if column.counts is not None and name not in _FACE_NAMES]
+    for name in sorted(lists, key=lambda one: one not in _LIST_NAMES):
+        column = face[name]
+        assert column.counts is not None
+        fits = (column.counts == 2 * sizes) & real
+        usual = name in _LIST_NAMES
+        if not fits.any() or not (usual or (column.values.dtype.kind == "f" and fits[real].all())):
+            continue
+        uv = column.values[np.repeat(fits, column.counts)].astype(np.float64).reshape(-1, 2)
+        fits_corner = np.repeat(fits[real], sizes[real])
+        corners = np.where(fits_corner, np.cumsum(fits_corner) - 1, -1).astype(np.int32)
+        sentence = f"{path}: the list “{name}” of its faces was taken for texture coordinates"
+        return uv, corners, [] if usual else [Diagnostic("texture-guessed", sentence)]
+    return None, None, []
 
 
 def _point_texture(vertex: dict[str, Column]) -> Floats | None:
     for pair in _TEXTURE_NAMES:
         if all(name in vertex and vertex[name].counts is None for name in pair):
             return np.stack([vertex[name].values for name in pair], axis=1).astype(np.float64)
+    return None
+
+
+def ply_colours(vertex: dict[str, Column]) -> Pixels | None:
+    """Red, green and blue (n, 3) in the columns of the element vertex, if it has them."""
+    for names in _COLOUR_NAMES:
+        if all(name in vertex and vertex[name].counts is None for name in names):
+            return as_colours([vertex[name].values for name in names])
     return None

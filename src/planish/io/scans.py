@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,15 +13,14 @@ from planish.errors import InputError
 from planish.geometry import depths
 from planish.io.cameras import read_camera
 from planish.io.filemesh import FileMesh
-from planish.io.images import Photo, decode_photo, read_photo
+from planish.io.images import Photo
 from planish.io.meshes import read_mesh
-from planish.io.polygons import Polygons, triangulate, uv_of_points
-from planish.io.units import MM_PER_UNIT, Unit, decide_unit
+from planish.io.polygons import Polygons, triangulate
+from planish.io.scan_photos import decode_image, only_image, places_on_photo, read_textures
+from planish.io.textures import Image, no_images
+from planish.io.units import Unit, decide_unit, mm_per_unit
 from planish.io.views import Files, listed, matched
-from planish.types import Camera, Diagnostic, Floats, Mesh, Scan, View
-
-_OUTSIDE = 1e-4
-"""How far texture coordinates may be outside 0 to 1 before that is said: rounding in the file."""
+from planish.types import Camera, Diagnostic, Floats, Ints, Mesh, Pixels, Scan, Texture, View
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +31,7 @@ class ReadScan:
     ----------
     scan : Scan
         In mm; the points in the file's order, the faces cut into triangles.
-    unit : {"mm", "cm", "m", "in"}
+    unit : str
         That the file's numbers were taken to be in.
     warnings : list of Diagnostic
     polygons : Polygons
@@ -69,7 +69,8 @@ def read_scan(
     camera : str or Path, or several, optional
         JSON, see `read_camera`; its numbers are in the unit of the mesh. For several photos as many in the same order,
         or one file that has all of them by name.
-    units : {"auto", "mm", "cm", "m", "in"}
+    units : {"auto", "mm", "cm", "m", "in"} or a length
+        Such as "7.91um" for voxels of that side.
     inside : str or Path, optional
         For scans from strangers: the only folder from which files are read that the mesh itself names (materials,
         buffers, images, also through links); others count as missing. By default they may lie anywhere.
@@ -83,32 +84,106 @@ def read_scan(
     cameras = matched(photos, listed(camera))
     main, seen_by = (photos[0] if photos else None), cameras[0]
     found = read_mesh(path, None if inside is None else Path(inside))
-    unit, doubts = decide_unit(found.points, units, found.unit)
-    warnings = [*found.warnings, *doubts]
-    points = found.points * MM_PER_UNIT[unit]
+    unit, told = decide_unit(_used(found), units, found.unit)
+    warnings = [*found.warnings, *told]
+    scale = mm_per_unit(unit)
+    points = found.points * scale
     triangles = triangulate(points, found.polygons)
     mesh = Mesh(points, found.polygons.corners[triangles])
-    seen_from = _camera_of(seen_by, _photo_name(found, main), points, MM_PER_UNIT[unit])
-    picture = _picture(path, found, main, seen_from, warnings)
-    photo_xy = None
-    if picture is not None:
-        _check_same_size(seen_by, seen_from, main or found.texture, picture)
-        if seen_from is None or main is None or _same_file(found.texture, main):
-            photo_xy = _photo_xy(path, found.polygons, triangles, len(points), picture.pixels.shape[:2], warnings)
-        if photo_xy is None and seen_from is None:
-            raise InputError(
-                f"{path} has no texture coordinates, so nothing tells where its points lie on the photo",
-                "give {camera}",
-            )
-    pixels, icc = (picture.pixels, picture.icc) if picture else (None, None)
+    seen_from = _camera_of(seen_by, _photo_name(found, main), points, scale)
+    shown = _shown(path, found, main, seen_by, seen_from, triangles, warnings)
     others = [
-        _view(path, found, one, where, points, MM_PER_UNIT[unit], icc, warnings)
+        _view(path, found, one, where, points, scale, shown.icc, warnings)
         for one, where in zip(photos[1:], cameras[1:], strict=True)
     ]
-    scan = Scan(mesh, photo=pixels, photo_xy=photo_xy, camera=seen_from, icc=icc, others=tuple(others))
-    shown = found.texture if main is None else main
-    files = (path, shown if picture and not isinstance(shown, bytes) else None, *photos[1:], *dict.fromkeys(cameras))
-    return ReadScan(scan, unit, warnings, found.polygons, tuple(Path(file) for file in files if file is not None))
+    scan = Scan(
+        mesh,
+        photo=shown.photo,
+        photo_xy=shown.photo_xy,
+        camera=seen_from,
+        icc=shown.icc,
+        others=tuple(others),
+        textures=shown.textures,
+        texture_of_face=shown.texture_of_face,
+        colours=found.colours if shown.nothing else None,
+    )
+    if shown.nothing and found.colours is not None:
+        sentence = f"{path} has no image, so the page is drawn in the colours of its points"
+        warnings.append(Diagnostic("colours-of-points", sentence))
+    files = (path, *shown.files, *photos[1:], *dict.fromkeys(cameras))
+    sources = tuple(Path(file) for file in files if file is not None)
+    return ReadScan(scan, unit, warnings, found.polygons, sources)
+
+
+@dataclass(frozen=True, eq=False)
+class _Shown:
+    """What the page is drawn from: a photo, or several textures, or nothing."""
+
+    photo: Pixels | None = None
+    photo_xy: Floats | None = None
+    icc: bytes | None = None
+    textures: tuple[Texture, ...] = ()
+    texture_of_face: Ints | None = None
+    files: Sequence[Path] = ()
+
+    @property
+    def nothing(self) -> bool:
+        return self.photo is None and not self.textures
+
+
+def _shown(
+    path: Path,
+    found: FileMesh,
+    main: Path | None,
+    seen_by: Path | None,
+    seen_from: Camera | None,
+    triangles: NDArray[np.int64],
+    warnings: list[Diagnostic],
+) -> _Shown:
+    """The photo that the user names, else the image or the images that the mesh's faces show."""
+    images = found.images or no_images(len(found.polygons.sizes))
+    if main is None and len(images.shown) > 1:
+        if seen_from is not None:
+            raise InputError(
+                f"{path} has {len(images.shown)} images, and {seen_by} is one camera",
+                "give {photo}, the image that it took",
+            )
+        read = read_textures(path, found, triangles)
+        warnings += read.warnings
+        if not read.images:
+            return _Shown()
+        return _Shown(None, read.photo_xy, read.icc, read.images, read.of_face, read.files)
+    source = found.texture if main is None else main
+    picture = _picture(path, source, seen_from, warnings, must=main is not None)
+    if picture is None or source is None:
+        return _Shown()
+    _check_same_size(seen_by, seen_from, source, picture)
+    number = next((k for k in images.shown if main is not None and _same_file(images.files[k], main)), None)
+    photo_xy = None
+    if seen_from is None or main is None or number is not None:
+        number = images.shown[0] if number is None and images.shown else number or 0
+        polygons = only_image(found, number)
+        if len(images.shown) > 1:
+            blank = int((images.of_face != number).sum())
+            sentence = (
+                f"{path} has {len(images.shown)} images; {source!s} stands for {images.names[number]}, and {blank}"
+            )
+            warnings.append(Diagnostic("several-images", f"{sentence} faces on others stay blank"))
+        photo_xy, told = places_on_photo(path, polygons, triangles, len(found.points), picture.pixels.shape[:2])
+        warnings += told
+    if photo_xy is None and seen_from is None:
+        raise InputError(
+            f"{path} has no texture coordinates, so nothing tells where its points lie on the photo",
+            "give {camera}",
+        )
+    return _Shown(picture.pixels, photo_xy, picture.icc, files=[] if isinstance(source, bytes) else [source])
+
+
+def _used(found: FileMesh) -> Floats:
+    """The points that faces use: others tell nothing of the sheet's size."""
+    used = np.zeros(len(found.points), bool)
+    used[found.polygons.corners] = True
+    return found.points[used]
 
 
 def _camera_of(path: Path | None, photo_name: str | None, points: Floats, mm_per_unit: float) -> Camera | None:
@@ -131,7 +206,7 @@ def _view(
 ) -> View:
     """A further photo and its camera; `icc` is the colour profile of the main one."""
     camera = _camera_of(seen_by, photo.name, points, mm_per_unit)
-    picture = _picture(path, found, photo, camera, warnings)
+    picture = _picture(path, photo, camera, warnings, must=True)
     assert camera is not None
     assert picture is not None
     _check_same_size(seen_by, camera, photo, picture)
@@ -153,19 +228,18 @@ def _photo_name(found: FileMesh, photo: str | Path | None) -> str | None:
 
 
 def _picture(
-    path: Path, found: FileMesh, photo: str | Path | None, camera: Camera | None, warnings: list[Diagnostic]
+    path: Path, source: Image | None, camera: Camera | None, warnings: list[Diagnostic], *, must: bool
 ) -> Photo | None:
     """The photo that the user names, or else the texture, if it can be read: the geometry does without."""
-    source = found.texture if photo is None else photo
     if source is None:
         return None
     try:
-        picture = _decoded(path, source)
+        picture = decode_image(path, source)
         if camera is not None and picture.pixels.shape[:2] != camera.shape_rc:
-            upright = _decoded(path, source, upright=True)
+            upright = decode_image(path, source, upright=True)
             picture = upright if upright.pixels.shape[:2] == camera.shape_rc else picture
     except InputError as problem:
-        if photo is not None:
+        if must:
             raise
         warnings.append(Diagnostic("texture-unreadable", f"the texture was left out: {problem.sentence}", problem.hint))
         return None
@@ -173,14 +247,8 @@ def _picture(
     return picture
 
 
-def _decoded(path: Path, source: str | Path | bytes, *, upright: bool = False) -> Photo:
-    if isinstance(source, bytes):
-        return decode_photo(f"the image in {path}", source, upright=upright)
-    return read_photo(source, upright=upright)
-
-
-def _same_file(texture: Path | bytes | None, photo: str | Path) -> bool:
-    return isinstance(texture, Path) and texture.samefile(photo)
+def _same_file(texture: Image | None, photo: Path) -> bool:
+    return isinstance(texture, Path) and photo.exists() and texture.samefile(photo)
 
 
 def _check_in_front(path: str | Path, camera: Camera, points: Floats) -> None:
@@ -191,9 +259,7 @@ def _check_in_front(path: str | Path, camera: Camera, points: Floats) -> None:
         )
 
 
-def _check_same_size(
-    path: str | Path | None, camera: Camera | None, source: str | Path | bytes | None, picture: Photo
-) -> None:
+def _check_same_size(path: Path | None, camera: Camera | None, source: Image, picture: Photo) -> None:
     if camera is None or picture.pixels.shape[:2] == camera.shape_rc:
         return
     name = "the texture" if isinstance(source, bytes) else str(source)
@@ -202,44 +268,3 @@ def _check_same_size(
         f"{name} is {cols} x {rows} pixels, but {path} is for a photo of {wanted_cols} x {wanted_rows}; give the photo"
         " that the camera's numbers belong to"
     )
-
-
-def _photo_xy(
-    path: Path,
-    polygons: Polygons,
-    triangles: NDArray[np.int64],
-    count: int,
-    shape_rc: tuple[int, int],
-    warnings: list[Diagnostic],
-) -> Floats | None:
-    """Texture coordinates as photo pixels: per point (n, 2) where each point has one place, else per corner (m, 3, 2).
-
-    Pixel centres lie at integers, so u = 0 is x = -0.5. Corners without texture coordinates get NaN.
-    """
-    if polygons.uv is None or polygons.uv_corners is None or not (polygons.uv_corners >= 0).any():
-        return None
-    _say_outside(path, polygons, warnings)
-    uv = np.vstack([polygons.uv, [np.nan, np.nan]])  # row -1: none
-    rows, cols = shape_rc
-    with np.errstate(invalid="ignore", over="ignore"):
-        places = np.stack([uv[:, 0] * cols - 0.5, (1 - uv[:, 1]) * rows - 0.5], axis=1)
-    places[~np.isfinite(places).all(1)] = np.nan
-    row_of_point = uv_of_points(polygons, count)
-    if row_of_point is not None:
-        return np.asarray(places[row_of_point])
-    return np.asarray(places[polygons.uv_corners[triangles]])
-
-
-def _say_outside(path: Path, polygons: Polygons, warnings: list[Diagnostic]) -> None:
-    assert polygons.uv is not None
-    assert polygons.uv_corners is not None
-    used = polygons.uv[polygons.uv_corners[polygons.uv_corners >= 0]]
-    outside = int(((used < -_OUTSIDE) | (used > 1 + _OUTSIDE)).any(1).sum())
-    if outside:
-        warnings.append(
-            Diagnostic(
-                "texture-outside-photo",
-                f"{path}: {outside} of {len(polygons.corners)} face corners have texture coordinates outside 0 to 1, "
-                "so the photo does not show them",
-            )
-        )

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from threading import Lock
 
-from planish.io.files import tidied
+from planish.io.files import cleanup_on_exit
 
 _STDERR = 2
 
@@ -19,14 +19,14 @@ _kept: int | None = None
 
 
 @contextmanager
-def silence() -> Iterator[None]:
+def suppress_stderr() -> Iterator[None]:
     """Let nothing reach stderr inside the block: no warning of Python's, no print of libtiff or libpng.
 
     Those print to the file descriptor itself, so it is turned away for the whole process while any thread is inside.
 
     Examples
     --------
-    >>> with silence():
+    >>> with suppress_stderr():
     ...     _ = os.write(2, b"TIFFFillStrip: Read error on strip 0")
     """
 
@@ -42,7 +42,7 @@ def silence() -> Iterator[None]:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         _turn_away()
-        with tidied(turn_back):
+        with cleanup_on_exit(turn_back):
             yield
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from typing import Literal, get_args
 
 import numpy as np
 
@@ -11,9 +10,14 @@ from planish.dpi import MM_PER_INCH
 from planish.errors import InputError, UsageError
 from planish.types import Diagnostic, Floats
 
-Unit = Literal["mm", "cm", "m", "in"]
+Unit = str
+"""One of "mm", "cm", "m", "in", or a length such as "7.91um": so long is a step of 1 in the file's numbers."""
 
 MM_PER_UNIT: dict[Unit, float] = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": MM_PER_INCH}
+"""The usual units, which are tried where a file names none."""
+
+_MM_PER_SYMBOL = {**MM_PER_UNIT, "nm": 1e-6, "um": 1e-3, "µm": 1e-3, "μm": 1e-3, "micron": 1e-3, "ft": 304.8, "km": 1e6}
+_LENGTH = re.compile(r"((?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)?\s*([a-zµμ]+)\Z", re.IGNORECASE)
 
 PAGE_MM = (50.0, 1500.0)
 """Diagonal of a page that is taken for one: from a bus ticket to a newspaper spread."""
@@ -22,16 +26,55 @@ HUGE_MM = 100_000.0
 TINY_MM = 1.0
 """Diagonals that no sheet has: the longest scrolls are of some 50 m, and a pixel is 0.1 mm."""
 
+STRAYS, FAR = 0.002, 3.0
+"""If all but these parts of the points at either end of x, y and z fill a box so many times smaller than all of them,
+the rest are strays. Points spread over a sheet fill 0.996 of it, so from 1.1 to 10 the second number changes nothing
+for sheets; with fewer strays let pass a single one among 500 points would count."""
+
 A4_MM = 364.0
 """Diagonal of the usual page."""
 
 _IF_WRONG = "set {units} if that is wrong"
 
 _HINT = re.compile(
-    r"\bunits?\s*(?:[:=]\s*|\s(?:is|are|in)\s+)(mm|millimet(?:er|re)s?|cm|centimet(?:er|re)s?|m|met(?:er|re)s?|in|inch(?:es)?)\b",
+    r"\bunits?\s*(?:[:=]\s*|\s(?:is|are|in)\s+)((?:[\d.]+(?:e-?\d+)?\s?)?(?:[nuµμ]m|km|ft)|[\d.]+\s?(?:mm|cm|m|in)|mm|millimet(?:er|re)s?|cm|centimet(?:er|re)s?|m|met(?:er|re)s?|in|inch(?:es)?)\b",
     re.IGNORECASE,
 )
 _FULL_NAMES: dict[str, Unit] = {"millimet": "mm", "centimet": "cm", "met": "m", "inch": "in"}
+
+
+def mm_per_unit(unit: Unit) -> float:
+    """How many mm a step of 1 in a file's numbers is.
+
+    Raises
+    ------
+    UsageError
+        If it is no length above 0.
+
+    Examples
+    --------
+    >>> mm_per_unit("in"), mm_per_unit("7.91um"), mm_per_unit("0.1 mm")
+    (25.4, 0.00791, 0.1)
+    """
+    found = _LENGTH.match(unit.strip())
+    symbol = found[2].lower() if found else ""
+    if not found or symbol not in _MM_PER_SYMBOL:
+        raise UsageError(
+            f"the unit must be auto, {', '.join(MM_PER_UNIT)}, or a length such as 7.91um (nm, um, mm, cm, m, in, ft),"
+            f" not {unit}"
+        )
+    length = float(found[1] or 1) * _MM_PER_SYMBOL[symbol]
+    if not 0 < length < np.inf:
+        raise UsageError(f"the unit is {unit}; a length above 0 is wanted")
+    return round(length, 15)
+
+
+def is_unit(text: str) -> bool:
+    """Whether `mm_per_unit` takes it."""
+    try:
+        return mm_per_unit(text) > 0
+    except UsageError:
+        return False
 
 
 def unit_named_in(comments: str) -> Unit | None:
@@ -48,8 +91,7 @@ def unit_named_in(comments: str) -> Unit | None:
     if not found:
         return None
     word = found[1].lower()
-    short = next((unit for name, unit in _FULL_NAMES.items() if word.startswith(name)), word)
-    return short  # type: ignore[return-value]
+    return next((unit for name, unit in _FULL_NAMES.items() if word.startswith(name)), word)
 
 
 def decide_unit(points: Floats, asked: str, named: Unit | None) -> tuple[Unit, list[Diagnostic]]:
@@ -62,18 +104,21 @@ def decide_unit(points: Floats, asked: str, named: Unit | None) -> tuple[Unit, l
     Parameters
     ----------
     points : (n, 3) float64
-        In the file's unit; points that are not finite are left out.
-    asked : {"auto", "mm", "cm", "m", "in"}
-    named : {"mm", "cm", "m", "in"} or None
+        In the file's unit, of the sheet alone; points that are not finite, and a few that lie far from all others,
+        are left out.
+    asked : {"auto", "mm", "cm", "m", "in"} or a length, see `mm_per_unit`
+    named : str or None
         What the file itself says.
 
     Returns
     -------
-    unit : {"mm", "cm", "m", "in"}
+    unit : str
     warnings : list of Diagnostic
 
     Raises
     ------
+    UsageError
+        Where the unit that was asked for is none.
     InputError
         Where the unit makes the sheet larger or smaller than any.
 
@@ -85,8 +130,8 @@ def decide_unit(points: Floats, asked: str, named: Unit | None) -> tuple[Unit, l
     >>> decide_unit(sheet, "mm", None)
     ('mm', [Diagnostic(code='size-unusual', sentence='the sheet is 13.9 mm from corner to corner ...)])
     """
-    if asked not in ("auto", *get_args(Unit)):
-        raise UsageError(f"the unit must be one of auto, {', '.join(get_args(Unit))}, not {asked}")
+    if asked != "auto":
+        mm_per_unit(asked)
     diagonal = _diagonal(points)
     if not np.isfinite(diagonal):
         raise InputError(
@@ -99,8 +144,8 @@ def decide_unit(points: Floats, asked: str, named: Unit | None) -> tuple[Unit, l
         )
         return "mm", [Diagnostic("unit-overruled", sentence, _IF_WRONG)]
     if asked != "auto" or named:
-        unit: Unit = named if asked == "auto" and named else asked  # type: ignore[assignment]
-        return unit, _doubt(diagonal * MM_PER_UNIT[unit], unit)
+        unit = named if asked == "auto" and named else asked
+        return unit, _doubt(diagonal * mm_per_unit(unit), unit)
     if not diagonal > 0 or _is_page(diagonal):
         return "mm", []
     unit = min(MM_PER_UNIT, key=lambda u: abs(np.log(diagonal * MM_PER_UNIT[u] / A4_MM)))
@@ -117,9 +162,15 @@ def decide_unit(points: Floats, asked: str, named: Unit | None) -> tuple[Unit, l
 
 
 def _diagonal(points: Floats) -> float:
+    """From corner to corner of the box around the points, without the few that lie far outside of it."""
     finite = points[np.isfinite(points).all(1)]
+    if not len(finite):
+        return 0.0
     with np.errstate(over="ignore"):  # then it is infinite
-        return float(np.linalg.norm(np.ptp(finite, axis=0))) if len(finite) else 0.0
+        whole = float(np.linalg.norm(np.ptp(finite, axis=0)))
+        low, high = np.quantile(finite, [STRAYS, 1 - STRAYS], axis=0)
+        most = float(np.linalg.norm(high - low))
+    return most if np.isfinite(most) and 0 < most * FAR < whole else whole
 
 
 def _is_page(diagonal_mm: float) -> bool:

@@ -6,11 +6,12 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 from planish.errors import InputError, UsageError
 from planish.io import fingerprints
 from planish.io.files import is_tifxyz, read_bytes
+from planish.io.units import is_unit
 from planish.job.settings_codec import decode_settings
 from planish.settings import RestoreSettings, Units
 
@@ -64,7 +65,7 @@ def inputs_from_report(result: Path) -> JobInputs:
         scan=scan,
         photo=tuple(path for path in others if path.suffix.lower() != ".json"),
         camera=tuple(path for path in others if path.suffix.lower() == ".json"),
-        units=unit if unit in get_args(Units) else "auto",
+        units=unit if isinstance(unit, str) and is_unit(unit) else "auto",
         settings=_read_settings(result, report.get("settings") or {}),
         size_mm=(page["width_mm"], page["height_mm"]),
     )

@@ -27,8 +27,11 @@ from planish.pipeline import Progress, restore
 from planish.types import Report
 from planish.view import view_page
 
-_WITHOUT_PHOTO = ("image-missing", "texture-unreadable", "material-file-missing", "material-file-unreadable")
-"""Codes of warnings that explain why a scan has no photo."""
+_WITHOUT_PHOTO = (
+    *("image-missing", "image-no-photo", "texture-unreadable"),
+    *("material-file-missing", "material-file-unreadable", "material-missing"),
+)
+"""Codes of the warnings that tell why a scan has no photo."""
 
 
 @dataclass(frozen=True)
@@ -168,8 +171,8 @@ def _read_scan(job: Job) -> ReadScan:
         units=job.units,
         inside=job.inside,
     )
-    if loaded.scan.photo is None:
-        why = "".join(f"; {warning.sentence}" for warning in loaded.warnings if warning.code in _WITHOUT_PHOTO)
+    if not loaded.scan.has_picture:
+        why = "".join(f"; {warning.message()}" for warning in loaded.warnings if warning.code in _WITHOUT_PHOTO)
         raise InputError(
             f"{job.scan} has no usable photo{why}",
             "give {photo}, or use `planish flatten` for the geometry alone",

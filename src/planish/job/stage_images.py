@@ -29,6 +29,8 @@ CAPTIONS = {
 def write_stages(folder: Path, restoration: Restoration) -> list[Path]:
     """Write photo, page, both binarized, mesh before and after, quality maps, and a contact sheet of all of them.
 
+    A scan with several textures, or with colours of points alone, has no photo as it was taken.
+
     Parameters
     ----------
     folder : Path
@@ -42,17 +44,19 @@ def write_stages(folder: Path, restoration: Restoration) -> list[Path]:
         The files written.
     """
     scan = restoration.prepared.scan
-    assert scan.photo is not None
     assert restoration.rendered is not None
-    photo = _as_page(scan.photo, restoration.report.page.effective_ppi_median or 300.0)
+    warped: dict[str, Pixels | Bools] = {}
+    photo_dpi = restoration.report.page.effective_ppi_median or 300.0
+    if scan.photo is not None:
+        photo = _as_page(scan.photo, photo_dpi)
+        warped = {"1-warped": photo.pixels, "2-warped-binary": _binary_image(photo)}
     page = restoration.unshaded or restoration.rendered
     prepared, flat = restoration.prepared, restoration.flattening
     faces = scan.mesh.faces
     page_xy, error, strain = (from_file_order(prepared, v) for v in (flat.page_xy, flat.error_mm, flat.local_strain))
     before, after = before_and_after(scan.mesh, page_xy)
     pictures: dict[str, Pixels | Bools] = {
-        "1-warped": photo.pixels,
-        "2-warped-binary": _binary_image(photo),
+        **warped,
         "3-mesh-before": relief(before, faces),
         "4-mesh-after": relief(after, faces),
         "5-restored": page.pixels,
@@ -61,13 +65,13 @@ def write_stages(folder: Path, restoration: Restoration) -> list[Path]:
         "8-strain": heat_map(page_xy, faces, 100 * strain, flat.size_mm, "strain, %"),
     }
     pictures["all"] = contact_sheet(
-        {caption: pictures[name] for name, caption in CAPTIONS.items()}, "From scan to page"
+        {caption: pictures[name] for name, caption in CAPTIONS.items() if name in pictures}, "From scan to page"
     )
     make_folder(folder)
     written = []
     for name, pixels in pictures.items():
         path = folder / f"{name}.png"
-        write_page(path, _as_page(pixels, page.dpi if "restored" in name else photo.dpi))
+        write_page(path, _as_page(pixels, page.dpi if "restored" in name else photo_dpi))
         written.append(path)
     return written
 

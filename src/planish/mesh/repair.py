@@ -295,7 +295,13 @@ def _assemble(
     if pieces > 1:
         sentence = f"the scan is in {pieces} pieces; each is flattened, and all are laid on one page"
         warnings.append(Diagnostic("several-pieces", sentence))
-    repaired = Scan(mesh, scan.photo, photo_xy, scan.camera, scan.icc, scan.others)
+    repaired = replace(
+        scan,
+        mesh=mesh,
+        photo_xy=photo_xy,
+        texture_of_face=None if scan.texture_of_face is None else scan.texture_of_face[rows],
+        colours=None if scan.colours is None else scan.colours[origin],
+    )
     return PreparedScan(source, repaired, topo, mesh_rows, pieces, max(loops - pieces, 0), tuple(warnings))
 
 

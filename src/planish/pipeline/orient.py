@@ -100,7 +100,7 @@ def to_upright_frame(
     """
     mesh, photo_xy = prepared.scan.mesh, prepared.scan.photo_xy
     by_mesh = by_mesh and rotate == "auto"
-    if photo_xy is None or by_mesh:
+    if photo_xy is None or prepared.scan.textures or by_mesh:
         up = direction_of_growth(flat.page_xy, mesh.points[:, 1])
     elif photo_xy.ndim == 2:
         up = -direction_of_growth(flat.page_xy, photo_xy[:, 1])

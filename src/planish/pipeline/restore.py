@@ -76,7 +76,7 @@ def restore(
         flat = flatten_prepared(prepared, s.flatten, share)
     with stage("turn"):
         flat = orient_by_shape(prepared, flat, s)
-    flat, drawn = _draw(prepared, flat, s, stage, read_orientation) if scan.photo is not None else (flat, _Drawn())
+    flat, drawn = _draw(prepared, flat, s, stage, read_orientation) if scan.has_picture else (flat, _Drawn())
     rendered, lit = drawn.rendered, drawn.lit
     with stage("measure"):
         report = build_report(

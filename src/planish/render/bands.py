@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numba import njit
@@ -43,7 +44,9 @@ def render_bands(
     known : (rows, cols) bool
     """
     rows, cols = shape_rc
-    dtype = np.result_type(*(view.photo.dtype for view in views))
+    if views[0].textures:
+        return _render_textures(views[0], shape_rc, px_per_mm)
+    dtype = np.result_type(*(view.dtype for view in views))
     pixels, known = np.empty((rows, cols, 3), dtype), np.empty((rows, cols), np.bool_)
     samplers = [_Sampler(view, px_per_mm) for view in views]
     codes, band = code_values(dtype), max(1, BAND_PIXELS // cols)
@@ -59,11 +62,42 @@ def render_bands(
     return pixels, known
 
 
+def _render_textures(view: PhotoView, shape_rc: tuple[int, int], px_per_mm: float) -> tuple[Pixels, Bools]:
+    """Draw the faces of each texture in turn, so that only one texture is in memory at a time."""
+    rows, cols = shape_rc
+    assert view.image is not None
+    pixels, known = np.empty((rows, cols, 3), view.dtype), np.zeros((rows, cols), np.bool_)
+    codes, band = code_values(view.dtype), max(1, BAND_PIXELS // cols)
+    light, here = np.empty((min(band, rows), cols, 3), np.float32), np.empty((min(band, rows), cols), np.bool_)
+    pixel_y = view.uv_map.page_xy[:, 1] * px_per_mm - 0.5
+    for number, texture in enumerate(view.textures):
+        faces = view.faces[view.image == number]
+        if not len(faces):
+            continue
+        photo = texture.read()
+        sampler = _Sampler(replace(view, photo=photo, textures=(), faces=faces), px_per_mm)
+        low, high = pixel_y[faces].min(), pixel_y[faces].max()
+        for top in range(0, rows, band):
+            stop = min(top + band, rows)
+            if high < top - 1 or low > stop:
+                continue
+            face = sampler.rasterize_ids((stop - top, cols), top)
+            face[known[top:stop]] = -1
+            drawn = here[: stop - top]
+            sampler.sample(face, top, light, drawn)
+            with thread_pool() as parallel_for:
+                parallel_for(_encode, stop - top, light, drawn, codes, pixels[top:stop], block=64)
+            known[top:stop] |= drawn
+        del photo, sampler
+    return pixels, known
+
+
 class _Sampler:
     """A photo view prepared for a page of given resolution."""
 
     def __init__(self, view: PhotoView, px_per_mm: float) -> None:
         uv_map = view.uv_map
+        assert view.photo is not None
         self.photo, self.faces = view.photo, view.faces
         self.pixel_xy = uv_map.page_xy * px_per_mm - 0.5
         self.maps = maps_of_faces(self.pixel_xy, uv_map.photo_xy, uv_map.jacobian / px_per_mm, view.faces)

@@ -120,7 +120,7 @@ def _dpi(found: Resolution, settings: RenderSettings) -> float:
 def _page(
     views: Sequence[PhotoView], mixed: Blend | None, size_mm: tuple[float, float], dpi: float, icc: bytes | None
 ) -> Page:
-    pixels, known = render_bands(views, mixed, _shape(size_mm, dpi, views[0].photo.dtype.itemsize), mm_to_px(1, dpi))
+    pixels, known = render_bands(views, mixed, _shape(size_mm, dpi, views[0].dtype.itemsize), mm_to_px(1, dpi))
     pixels[~known] = _paper(pixels, known)
     return Page(pixels, known, dpi, icc)
 

@@ -51,7 +51,12 @@ def combined_resolution(several: Sequence[Resolution], best: NDArray[np.int64]) 
 
 
 def resolution(
-    sheet: UVMap, faces: Ints, size_mm: tuple[float, float], photo_shape: tuple[int, ...], name: str = "the photo"
+    sheet: UVMap,
+    faces: Ints,
+    size_mm: tuple[float, float],
+    shapes: Sequence[tuple[int, ...]],
+    image: Ints | None = None,
+    name: str = "the photo",
 ) -> Resolution:
     """Measure it from the map of page to photo.
 
@@ -61,8 +66,10 @@ def resolution(
     faces : (m, 3) int32
         Those that the photo saw.
     size_mm : (float, float)
-    photo_shape : (int, int)
-        Rows and columns.
+    shapes : sequence of (int, int)
+        Rows and columns of each image.
+    image : (m,) int32, optional
+        The number of each face's image, where there are several.
     name : str
         Of the photo, for the message.
 
@@ -74,12 +81,13 @@ def resolution(
     cell_mm, (rows, cols) = cells(size_mm)
     face = rasterize_ids(sheet.page_xy / cell_mm - 0.5, faces, (rows, cols))
     ppi = np.full((rows, cols), np.nan, np.float32)
-    _fill(face, faces, MM_PER_INCH * least_singular(sheet.jacobian), sheet.photo_xy, *photo_shape, ppi)
+    images = np.zeros(len(faces), np.int32) if image is None else image, np.array([shape[:2] for shape in shapes])
+    _fill(face, faces, MM_PER_INCH * least_singular(sheet.jacobian), sheet.photo_xy, *images, ppi)
     if not np.isfinite(ppi).any():
         low, high = sheet.photo_xy.min(axis=0), sheet.photo_xy.max(axis=0)
         raise InputError(
             f"no part of the sheet falls on {name}: its places run from ({low[0]:.0f}, {low[1]:.0f}) to "
-            f"({high[0]:.0f}, {high[1]:.0f}), but the photo has {photo_shape[1]} x {photo_shape[0]} pixels; is it "
+            f"({high[0]:.0f}, {high[1]:.0f}), but the photo has {shapes[0][1]} x {shapes[0][0]} pixels; is it "
             f"the photo of this scan, and the printed side up?"
         )
     return _summary(ppi)
@@ -102,7 +110,7 @@ def nearest_usual_dpi(ppi: float) -> int:
 
 
 @njit(cache=True)
-def _fill(face, faces, fewest, photo_xy, photo_rows, photo_cols, ppi):  # type: ignore[no-untyped-def]
+def _fill(face, faces, fewest, photo_xy, image, shapes, ppi):  # type: ignore[no-untyped-def]
     """Fill in the mean over the corners of the face at each cell, where that lies on the photo."""
     for r in range(face.shape[0]):
         for q in range(face.shape[1]):
@@ -111,5 +119,6 @@ def _fill(face, faces, fewest, photo_xy, photo_rows, photo_cols, ppi):  # type: 
             a, b, c = faces[face[r, q]]
             x = (photo_xy[a, 0] + photo_xy[b, 0] + photo_xy[c, 0]) / 3
             y = (photo_xy[a, 1] + photo_xy[b, 1] + photo_xy[c, 1]) / 3
-            if -0.5 <= x <= photo_cols - 0.5 and -0.5 <= y <= photo_rows - 0.5:
+            shape = shapes[image[face[r, q]]]
+            if -0.5 <= x <= shape[1] - 0.5 and -0.5 <= y <= shape[0] - 0.5:
                 ppi[r, q] = (fewest[a] + fewest[b] + fewest[c]) / 3

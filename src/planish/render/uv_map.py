@@ -9,7 +9,7 @@ from numba import njit
 
 from planish.geometry import depths, project
 from planish.render.patch import refine
-from planish.types import Camera, Floats, Ints, Scan
+from planish.types import Bools, Camera, Floats, Ints, Scan
 
 FINE_MM = 1.0
 """Faces longer than this on the page are cut into curved pieces; over 1 mm of paper no bend is seen."""
@@ -33,6 +33,8 @@ class UVMap:
     points : (n, 3) float64 [mm]
     jacobian : (n, 2, 2) float64 [photo px per mm]
         d photo (x, y) / d page (x, y), the mean over the faces around each point.
+    image : (m,) int32 or None
+        Of a scan with several textures: the number of the one that each face shows, whose pixels its places count.
     """
 
     faces: Ints
@@ -40,6 +42,7 @@ class UVMap:
     photo_xy: Floats
     points: Floats
     jacobian: Floats
+    image: Ints | None = None
 
 
 def uv_map(scan: Scan, page_xy: Floats) -> UVMap:
@@ -58,16 +61,20 @@ def uv_map(scan: Scan, page_xy: Floats) -> UVMap:
     seen = None if scan.camera is None else _projected(scan.camera, points)
     photo = seen if photo is None else photo
     assert photo is not None
-    faces, photo = _without_invalid(faces, photo)
+    image = scan.texture_of_face if scan.textures else None
+    on_photo, photo = _without_invalid(faces, photo)
+    on_photo &= True if image is None else image >= 0
+    faces, image = faces[on_photo], None if image is None else image[on_photo]
     misfit = np.zeros_like(page) if seen is None else np.where(np.isfinite(seen), photo - seen, 0)
     pieces = _pieces_per_edge(page, faces)
     if pieces > 1:
         carried = np.concatenate([points, photo if scan.camera is None else misfit], axis=1)
         page, carried, faces = refine(page, carried, faces, pieces)
         points, photo = carried[:, :3], carried[:, 3:]
+        image = None if image is None else np.repeat(image, pieces**2)
         if scan.camera is not None:
             photo = photo + project(scan.camera, points)
-    return UVMap(faces, page, photo, points, _jacobians(page, photo, faces))
+    return UVMap(faces, page, photo, points, _jacobians(page, photo, faces), image)
 
 
 def _split_seams(scan: Scan, page_xy: Floats) -> tuple[Ints, Floats, Floats, Floats | None]:
@@ -78,9 +85,11 @@ def _split_seams(scan: Scan, page_xy: Floats) -> tuple[Ints, Floats, Floats, Flo
     point, corner_xy = faces.reshape(-1), photo.reshape(-1, 2)
     one = np.zeros_like(page_xy)
     one[point] = corner_xy
-    if np.abs(one[point] - corner_xy).max() < 1e-3:
+    if not scan.textures and np.abs(one[point] - corner_xy).max() < 1e-3:
         return faces, page_xy, scan.mesh.points, one
-    _, first, corner = np.unique(np.c_[point, corner_xy], axis=0, return_index=True, return_inverse=True)
+    image = np.zeros(len(faces)) if scan.texture_of_face is None else scan.texture_of_face
+    key = np.c_[point, corner_xy, np.repeat(image, 3)]
+    _, first, corner = np.unique(key, axis=0, return_index=True, return_inverse=True)
     source = point[first]
     split = corner.reshape(-1, 3).astype(np.int32)
     return split, page_xy[source], scan.mesh.points[source], corner_xy[first]
@@ -92,13 +101,13 @@ def _projected(camera: Camera, points: Floats) -> Floats:
         return np.asarray(np.where(depths(camera, points)[:, None] > 0, project(camera, points), np.nan))
 
 
-def _without_invalid(faces: Ints, photo_xy: Floats) -> tuple[Ints, Floats]:
-    """Leave out faces with a corner that has no place on any photo, and put such points in the middle of the others."""
+def _without_invalid(faces: Ints, photo_xy: Floats) -> tuple[Bools, Floats]:
+    """Which faces have all corners on a photo; and the places, where those on none lie in the middle of the others."""
     good = np.asarray((np.abs(photo_xy) < BEYOND_PX).all(axis=1))
     if good.all():
-        return faces, photo_xy
+        return np.ones(len(faces), bool), photo_xy
     middle = photo_xy[good].mean(axis=0) if good.any() else np.zeros(2)
-    return faces[good[faces].all(axis=1)], np.where(good[:, None], photo_xy, middle)
+    return np.asarray(good[faces].all(axis=1)), np.where(good[:, None], photo_xy, middle)
 
 
 def _pieces_per_edge(page_xy: Floats, faces: Ints) -> int:

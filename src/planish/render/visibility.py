@@ -23,7 +23,8 @@ def visible_faces(uv_map: UVMap, camera: Camera | None) -> Bools:
 
     A face has its back to the camera where page and photo run round it in opposite senses. It is hidden where the
     foremost face at its place of the photo belongs to another part of the page. Without a camera the depths come from
-    one fitted to the photo places; where none fits (an atlas of patches), nothing is taken to be hidden.
+    one fitted to the photo places; where none fits (an atlas of patches, several textures), nothing is taken to be
+    hidden.
 
     Returns
     -------
@@ -50,6 +51,8 @@ def _nearness(uv_map: UVMap, camera: Camera | None) -> Floats | None:
     """1 / depth of every point, or None where no camera can be found."""
     if camera is not None:
         return np.asarray(1 / np.maximum(depths(camera, uv_map.points), 1e-9))
+    if uv_map.image is not None:
+        return None
     matrix = resect(uv_map.points, uv_map.photo_xy)
     if matrix is None:
         return None

@@ -21,6 +21,7 @@ from planish.types.report import (
 )
 from planish.types.sheet import Camera, Flattening, Mesh, Outcome, Scan, Sticks, View
 from planish.types.summary import summary
+from planish.types.texture import Texture
 
 __all__ = [
     "Bools",
@@ -47,6 +48,7 @@ __all__ = [
     "ShadingReport",
     "Spine",
     "Sticks",
+    "Texture",
     "Topology",
     "View",
     "freeze",

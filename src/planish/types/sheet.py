@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from planish.types.arrays import Bools, Floats, Ints, Pixels, freeze
 from planish.types.diagnostic import Diagnostic
+from planish.types.texture import Texture
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +88,7 @@ class Scan:
     photo : (rows, cols, 3) uint8 or uint16, or None
         In the colour space that `icc` names; sRGB where it is None.
     photo_xy : (n, 2) per point or (m, 3, 2) per face corner, float64 [photo px], or None
-        x right, y down, pixel centres at integers.
+        x right, y down, pixel centres at integers; with `textures`, per face corner on the image of the face.
     camera : Camera or None
         Where the photo was taken from, when that is known.
     icc : bytes or None
@@ -97,6 +98,12 @@ class Scan:
     upright : float
         How sure it is that the mesh's y axis points to the head of the text [standard deviations]; 0 where nothing
         but the page itself can tell.
+    textures : tuple of Texture
+        Instead of `photo`: several images, each shown by a part of the faces.
+    texture_of_face : (m,) int32 or None
+        The number of each face's image in `textures`; -1 for none.
+    colours : (n, 3) uint8 or uint16, sRGB, or None
+        Of the points, to be drawn where there is neither a photo nor a texture.
     """
 
     mesh: Mesh
@@ -106,9 +113,17 @@ class Scan:
     icc: bytes | None = None
     others: tuple[View, ...] = ()
     upright: float = 0.0
+    textures: tuple[Texture, ...] = ()
+    texture_of_face: Ints | None = None
+    colours: Pixels | None = None
 
     def __post_init__(self) -> None:
         freeze(self)
+
+    @property
+    def has_picture(self) -> bool:
+        """Whether there is anything to draw a page from."""
+        return self.photo is not None or bool(self.textures) or self.colours is not None
 
 
 @dataclass(frozen=True, eq=False)

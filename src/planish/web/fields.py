@@ -12,7 +12,7 @@ from docstring_parser import parse
 from planish.errors import UsageError
 from planish.hints import as_field
 from planish.job.settings_codec import SettingsError, decode_settings, json_schema
-from planish.settings import RestoreSettings, Units
+from planish.settings import NamedUnits, RestoreSettings
 from planish.web.problems import HTTPProblem
 from planish.web.restore_upload import Format
 
@@ -36,7 +36,7 @@ class FormSettings:
     """
 
     settings: RestoreSettings = field(default_factory=RestoreSettings)
-    units: Units = "auto"
+    units: NamedUnits = "auto"
     view: bool = True
     formats: tuple[Format, ...] = ("tif", "png", "pdf")
 

@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 from planish.errors import PlanishError
 from planish.hints import as_field
-from planish.settings import RestoreSettings, Units
+from planish.settings import NamedUnits, RestoreSettings
 
 Format = Literal["tif", "png", "jpg", "pdf"]
 
@@ -29,7 +29,7 @@ class UploadRequest:
     photo, camera : tuple of str
         Needed if the scan file does not reference them.
     settings : RestoreSettings
-    units : Units
+    units : NamedUnits
     view : bool
         Whether to write an HTML page.
     formats : tuple of Format
@@ -40,7 +40,7 @@ class UploadRequest:
     photo: tuple[str, ...]
     camera: tuple[str, ...]
     settings: RestoreSettings
-    units: Units
+    units: NamedUnits
     view: bool
     formats: tuple[Format, ...]
 

@@ -47,7 +47,8 @@ def grid(
     size
         Width and height of the range image, if neither the file nor the order of the points determines them.
     units
-        Unit of the file's coordinates. auto: as the file says, otherwise decided from the size.
+        Unit of the file's coordinates. auto: as the file says, otherwise decided from the size. A length such as
+        7.91um is one step of the coordinates.
     seen_from
         Position of the scanner, in the file's coordinates. Default: as the file says, or the origin, if it lies in
         front of the points; otherwise rows and columns are taken as seen from the printed side.

@@ -42,7 +42,8 @@ def points(
     camera
         The camera of the photo (JSON), in the world frame of the points; lengths in their unit.
     units
-        Unit of the file's coordinates. auto: as the file says, otherwise decided from the size.
+        Unit of the file's coordinates. auto: as the file says, otherwise decided from the size. A length such as
+        7.91um is one step of the coordinates.
     seen_from
         Any position on the printed side, in the file's coordinates. Default: as the file says, else the camera, else
         from the normals of the points, else the origin, if it lies in front of the points, else from +z.
