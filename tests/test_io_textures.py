@@ -280,7 +280,7 @@ def test_of_two_names_that_differ_in_case_none_is_guessed(tmp_path):
 def test_what_is_missing_is_named_where_there_is_no_photo(tmp_path):
     mesh, uv = one_photo(tmp_path)
     (tmp_path / "sheet.obj").write_text(lines(mesh, uv, ["mtllib gone.mtl", "usemtl page", *all_faces(mesh)]))
-    assert "gone.mtl, which does not exist" in read_scan(tmp_path / "sheet.obj").why_no_photo[0]
+    assert "gone.mtl, which does not exist" in str(read_scan(tmp_path / "sheet.obj").warnings[0])
 
 
 @pytest.mark.parametrize("encoding", ["utf-16-le", "utf-16-be", "utf-32-le", "utf-8-sig"])

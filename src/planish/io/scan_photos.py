@@ -91,7 +91,7 @@ def read_textures(path: Path, found: FileMesh, triangles: NDArray[np.int64]) -> 
         warnings += [warning for warning in photo.warnings if warning not in warnings]
         if images and photo.icc != icc:
             sentence = f"{name} has another colour profile than the first image; its colours were taken as they are"
-            warnings.append(Diagnostic("photo-profiles-differ", sentence))
+            warnings.append(Diagnostic("colour-profiles-differ", sentence))
         icc = icc if images else photo.icc
         of_face[shown == number] = len(images)
         pixels = photo.pixels if photo.pixels.nbytes <= room else None
