@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from planish.acquire.grid_mesh import Acquired
 from planish.color import to_uint8
+from planish.geometry.guards import TINY, TINY_MM
 from planish.mesh import onto_support_plane, point_normals, rasterize
 from planish.types import Bools, Floats, Mesh, Pixels
 
@@ -52,7 +53,7 @@ def _top_away(photo_xy: Floats, standing: Floats) -> Floats:
     """The sheet turned on its table so that the photo's top lies away from the viewer."""
     place = standing[:, :2] - standing[:, :2].mean(axis=0)
     down = place.T @ (photo_xy[:, 1] - photo_xy[:, 1].mean())
-    x, y = -down / max(float(np.linalg.norm(down)), 1e-12)
+    x, y = -down / max(float(np.linalg.norm(down)), TINY)
     return np.column_stack([place @ np.array([[y, x], [-x, y]]), standing[:, 2]])
 
 
@@ -61,7 +62,7 @@ def _drawn(mesh: Mesh, values: Floats) -> tuple[Bools, Floats]:
     t = np.radians(TILT_DEG)
     right, up = mesh.points[:, 0], mesh.points[:, 1] * np.cos(t) + mesh.points[:, 2] * np.sin(t)
     towards = mesh.points[:, 2] * np.cos(t) - mesh.points[:, 1] * np.sin(t)
-    scale = 0.94 * ROWS / max(np.ptp(up), 0.6 * np.ptp(right), 1e-9)
+    scale = 0.94 * ROWS / max(np.ptp(up), 0.6 * np.ptp(right), TINY_MM)
     cols = int(np.ptp(right) * scale) + GAP
     xy = np.column_stack([right - (right.max() + right.min()) / 2, (up.max() + up.min()) / 2 - up]) * scale
     face, weight = rasterize(xy + [cols / 2, ROWS / 2], mesh.faces, (ROWS, cols), nearness=towards)

@@ -15,6 +15,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from planish.document.ink import Ink, ink_of
+from planish.geometry.guards import TINY
 from planish.types import Floats, Page
 
 STRIP_MM = 4.0
@@ -166,7 +167,7 @@ def _steepness(strips: NDArray[np.float32], middles: Floats, degrees: float) -> 
 def _effective_rows(strips: NDArray[np.float32], middles: Floats, degrees: float) -> float:
     """Over how many rows the abrupt changes are spread: (sum of squares)^2 / sum of fourth powers."""
     change = np.diff(_profile(strips, middles * np.tan(np.radians(degrees)) + EVEN_SHIFT)).astype(np.float64) ** 2
-    return float(change.sum() ** 2 / max((change**2).sum(), 1e-30))
+    return float(change.sum() ** 2 / max((change**2).sum(), TINY))
 
 
 @njit(cache=True)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from planish.document.ink import Ink, ink_of
 from planish.dpi import mm_to_px, px_to_mm
+from planish.geometry.guards import normalize
 from planish.types import Floats, Mesh, Page, Spine
 
 BAND_MM = 10.0
@@ -208,7 +209,7 @@ def _down_the_page(points: Floats, page_xy: Floats) -> Floats:
     """(3,) unit vector in space along which the page's y grows: the direction of a spine."""
     arm = page_xy - page_xy.mean(axis=0)
     down = np.linalg.lstsq(arm, points - points.mean(axis=0), rcond=None)[0][1]
-    return np.asarray(down / max(float(np.linalg.norm(down)), 1e-12))
+    return normalize(down)
 
 
 def _columns(ink: Ink, left_mm: float, right_mm: float) -> NDArray[np.float32]:

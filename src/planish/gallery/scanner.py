@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from planish.dpi import px_to_mm
 from planish.errors import UsageError
@@ -139,12 +140,9 @@ def overhead_camera(sheet: Sheet, photo_px: tuple[int, int], turn_deg: float = 0
     Camera
         In the frame of the table.
     """
-    turn, tilt = np.radians(turn_deg), np.radians(tilt_deg)
     short, long = sorted(photo_px)
     rows, cols = (long, short) if sheet.height_mm >= sheet.width_mm else (short, long)
-    around = np.array([[np.cos(turn), -np.sin(turn), 0], [np.sin(turn), np.cos(turn), 0], [0, 0, 1]])
-    lean = np.array([[1, 0, 0], [0, np.cos(tilt), -np.sin(tilt)], [0, np.sin(tilt), np.cos(tilt)]])
-    rotation = around @ lean @ np.diag([1.0, -1.0, -1.0])
+    rotation = Rotation.from_euler("ZX", [turn_deg, tilt_deg], degrees=True).as_matrix() @ np.diag([1.0, -1.0, -1.0])
     spots = fine_mesh(sheet, cell_mm=5.0).points
     middle = np.array([0, 0, spots[:, 2].mean()])
     eye = middle + ASIDE_MM - DISTANCE_MM * rotation[2]

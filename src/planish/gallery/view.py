@@ -13,6 +13,7 @@ from planish.gallery.photograph import INK, PAPER, TABLE
 from planish.gallery.sheets import Sheet, normals
 from planish.gallery.sight import FineMesh, facing, fine_mesh, interpolated, pixels_of, project, put_right
 from planish.geometry import depths
+from planish.geometry.guards import normalize
 from planish.mesh import rasterize
 from planish.types import Bools, Camera, Floats, Ints, Page
 
@@ -71,7 +72,7 @@ def device(
     distance = float(np.linalg.norm(away))
     forward = away / distance
     right = np.array([1.0, 0, 0]) - forward[0] * forward
-    right /= np.linalg.norm(right)
+    right = normalize(right)
     rotation = np.stack([right, np.cross(forward, right), forward]) + 0.0
     rows, cols = shape_rc
     focal = cols * distance / view_mm

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from planish.geometry.guards import TINY
 from planish.types import Floats
 
 SAMPLE = 4000
@@ -52,7 +53,7 @@ def resect(points: Floats, photo_xy: Floats) -> Floats | None:
 def _normalised(positions: Floats) -> tuple[Floats, Floats]:
     """Homogeneous positions with mean 0 and unit spread, and the matrix that made them."""
     middle = positions.mean(axis=0)
-    scale = 1 / max(float(np.sqrt(((positions - middle) ** 2).mean())), 1e-12)
+    scale = 1 / max(float(np.sqrt(((positions - middle) ** 2).mean())), TINY)
     size = positions.shape[1]
     matrix = np.eye(size + 1)
     matrix[:size, :size] *= scale

@@ -10,6 +10,7 @@ import numpy as np
 from numba import njit
 from scipy.optimize import least_squares
 
+from planish.geometry.axes import perpendicular_axes
 from planish.parallel import thread_pool
 from planish.types import Bools, Floats
 
@@ -160,7 +161,7 @@ def _starts(normals: Floats, log: Floats) -> list[Floats]:
     """Lamps over the middle and to four sides, as high as the sheet is wide."""
     up = normals.mean(axis=0)
     up /= np.linalg.norm(up)
-    aside = np.linalg.svd(up[None])[2][1:]
+    aside = perpendicular_axes(up)
     level = float(np.quantile(log, 0.8))
     around = [(0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)]
     return [np.r_[1.2 * up + a * aside[0] + b * aside[1], level, -1.0, 0, 0, 0, -4.0] for a, b in around]

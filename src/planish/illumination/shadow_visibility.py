@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numba import njit
 
+from planish.geometry.axes import perpendicular_axes
 from planish.mesh import rasterize
 from planish.parallel import thread_pool
 from planish.types import Floats, Mesh
@@ -86,4 +87,4 @@ def _compare(  # type: ignore[no-untyped-def]
 def _view(forward: Floats) -> Floats:
     """Rotation whose third row looks forward."""
     along = forward / np.linalg.norm(forward)
-    return np.asarray(np.concatenate([np.linalg.svd(along[None])[2][1:], along[None]]))
+    return np.asarray(np.concatenate([perpendicular_axes(along), along[None]]))

@@ -11,6 +11,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from planish.geometry import project
+from planish.geometry.guards import TINY
 from planish.illumination.cells import Cells
 from planish.mesh import rasterize
 from planish.parallel import thread_pool
@@ -77,7 +78,7 @@ def _interpolate(  # type: ignore[no-untyped-def]
             length = math.sqrt(normal[r, q, 0] ** 2 + normal[r, q, 1] ** 2 + normal[r, q, 2] ** 2)
             known[r, q] = length > 0
             for d in range(3):
-                normal[r, q, d] /= max(length, 1e-9)
+                normal[r, q, d] /= max(length, TINY)
 
 
 def coarse_mesh(surface: Surface, step: int) -> Mesh:

@@ -6,11 +6,13 @@ import json
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 import scipy.linalg
+from scipy.spatial.transform import Rotation
 
 from planish.errors import InputError
+from planish.geometry.guards import SINGULAR
+from planish.geometry.rigid_fit import nearest_rotation
 from planish.io.files import read_bytes
 from planish.types import Camera, Floats
 
@@ -182,15 +184,14 @@ def _own_form(path: Path, told: dict[str, Any], mm_per_unit: float) -> Camera:
 def _rotation(path: Path, told: dict[str, Any]) -> Floats:
     rotation = _numbers(path, "rotation", told.get("rotation", np.eye(3)), (3, 3), (3,))
     if rotation.shape == (3,):
-        rotation = cv2.Rodrigues(rotation)[0]
+        rotation = Rotation.from_rotvec(rotation).as_matrix()
     off = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
     if off > _NOT_ORTHOGONAL or np.linalg.det(rotation) < 0:
         raise InputError(
             f"{path}: “rotation” is no rotation matrix (its rows are off by {off:.2g}, its determinant is"
             f" {np.linalg.det(rotation):.3g}; 0 and 1 are wanted)"
         )
-    u, _, vt = np.linalg.svd(rotation)  # the nearest true rotation
-    return np.asarray(u @ vt)
+    return nearest_rotation(rotation)
 
 
 def _projection(path: Path, matrices: object, photo_name: str | None) -> Floats:
@@ -216,7 +217,7 @@ def _from_projection(path: Path, projection: Floats, shape_rc: tuple[int, int], 
     """Take P = s K [R | t] apart: K upper triangular, its diagonal positive (Hartley and Zisserman 2004, 6.2.4)."""
     determinant = np.linalg.det(projection[:, :3])
     scale = np.linalg.norm(projection[:, :3])
-    if not abs(determinant) > 1e-12 * scale**3:
+    if not abs(determinant) > SINGULAR * scale**3:
         raise InputError(f"{path}: the matrix P belongs to no camera (its left 3 x 3 part has no inverse)")
     projection = projection * np.sign(determinant)  # the scale s may be negative
     matrix, rotation = scipy.linalg.rq(projection[:, :3])

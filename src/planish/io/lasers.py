@@ -7,10 +7,11 @@ import json
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from planish.errors import InputError
+from planish.geometry.guards import normalize
 from planish.io.cameras import camera_as_json, camera_from_json
 from planish.io.files import read_bytes, write_json
 from planish.types import Camera, Diagnostic, Floats
@@ -267,7 +268,7 @@ def _moved(path: Path, told: dict[str, Any], lasers: Floats) -> Floats:
         if not np.linalg.norm(direction) > 0:
             raise InputError(f"{path}: the axis's “direction” is 0")
         angles = np.radians(_numbers(path, "angles_deg", told["angles_deg"], 1))
-        turns = np.stack([cv2.Rodrigues(angle * direction / np.linalg.norm(direction))[0] for angle in angles])
+        turns = Rotation.from_rotvec(np.outer(angles, normalize(direction))).as_matrix()
         normals = np.einsum("fij,lj->fli", turns, lasers[:, :3])
         # points on the axis keep their distance from the plane
         return np.concatenate([normals, (lasers[:, :3] @ point + lasers[:, 3] - normals @ point)[..., None]], axis=2)
@@ -277,7 +278,7 @@ def _moved(path: Path, told: dict[str, Any], lasers: Floats) -> Floats:
         direction = _vector(path, "direction", told["direction"])
         if not np.linalg.norm(direction) > 0:
             raise InputError(f"{path}: “direction” is 0")
-        way = np.outer(_numbers(path, "positions_mm", told["positions_mm"], 1), direction / np.linalg.norm(direction))
+        way = np.outer(_numbers(path, "positions_mm", told["positions_mm"], 1), normalize(direction))
         planes = np.repeat(lasers[None], len(way), axis=0)
         planes[..., 3] -= way @ lasers[:, :3].T
         return planes

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from planish.binarize import binarize
+from planish.geometry.rigid_fit import fit_rigid
 from planish.io import make_folder, write_page
 from planish.mesh import from_file_order, onto_support_plane
 from planish.report import certificate, contact_sheet, heat_map, relief
@@ -86,14 +87,8 @@ def before_and_after(mesh: Mesh, page_xy: Floats) -> tuple[Floats, Floats]:
     points, _, _ = onto_support_plane(mesh)
     page = (page_xy - page_xy.mean(axis=0)) * [1, -1]
     scanned = points - [*points[:, :2].mean(axis=0), 0]
-    scanned[:, :2] = scanned[:, :2] @ _rotation_onto(scanned[:, :2], page).T
+    scanned[:, :2] = scanned[:, :2] @ fit_rigid(scanned[:, :2], page)[0].T
     return scanned, np.c_[page, 0 * page[:, :1]]
-
-
-def _rotation_onto(xy: Floats, target: Floats) -> Floats:
-    """Least-squares rotation (2, 2) of centred points onto centred targets (Kabsch 1976)."""
-    u, _, vt = np.linalg.svd(target.T @ xy)
-    return np.asarray(u @ np.diag([1, np.sign(np.linalg.det(u @ vt))]) @ vt)
 
 
 def _as_page(pixels: Pixels | Bools, dpi: float) -> Page:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
+from planish.geometry.guards import normalize
 from planish.mesh.adjacency import neighbours
 from planish.mesh.measures import area_vectors
 from planish.mesh.topology import Topology, topology
@@ -75,7 +76,7 @@ def subsample(mesh: Mesh, fine: Topology, count: int) -> Coarse:
 def _most_telling_first(mesh: Mesh, fine: Topology) -> Ints:
     """All points in the order in which they are offered: border, folds, the rest; at random within each."""
     normals = area_vectors(mesh.points, mesh.faces)
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+    normals = normalize(normals)
     inner = fine.edge_uses == 2
     left, right = fine.edge_faces[inner].T
     folded = np.einsum("ij,ij->i", normals[left], normals[right]) < CREASE

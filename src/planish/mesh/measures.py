@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from planish.geometry.guards import normalize
 from planish.mesh.topology import Topology
 from planish.types import Bools, Floats, Ints
 
@@ -126,7 +127,7 @@ def point_normals(points: Floats, faces: Ints) -> Floats:
     """(n, 3) unit normals: the mean direction of the faces around every point, by area."""
     total = np.zeros((len(points), 3))
     _gather(area_vectors(points, faces), faces, total)
-    return np.asarray(total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-300))
+    return normalize(total)
 
 
 @njit(cache=True)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from planish.geometry.guards import TINY
+from planish.mesh.adjacency import faces_around
 from planish.mesh.decimation import Coarse
 from planish.parallel import thread_pool
 from planish.types import Floats, Ints
@@ -34,21 +36,13 @@ def prolongate(coarse: Coarse, points: Floats, places: Floats, normals: Floats |
     (n, d) float64 [mm]
     """
     mesh = coarse.mesh
-    order, start = _faces_at_points(mesh.faces, len(mesh.points))
+    start, order = faces_around(mesh.faces, len(mesh.points))
     maps = _point_maps(mesh.points, mesh.faces, places, normals)
     out = np.empty((len(points), places.shape[1]))
     with thread_pool() as parallel_for:
         net = mesh.points, mesh.faces, order, start
         parallel_for(_carry, len(points), points, coarse.nearest, *net, maps, places, out)
     return out
-
-
-def _faces_at_points(faces: Ints, count: int) -> tuple[Ints, Ints]:
-    """Faces around every point: those of point i are order[start[i]:start[i + 1]]."""
-    corner = faces.ravel()
-    order = (np.argsort(corner, kind="stable") // 3).astype(np.int32)
-    start = np.concatenate([[0], np.cumsum(np.bincount(corner, minlength=count))]).astype(np.int32)
-    return order, start
 
 
 def _point_maps(points: Floats, faces: Ints, places: Floats, normals: Floats | None) -> Floats:
@@ -60,9 +54,9 @@ def _point_maps(points: Floats, faces: Ints, places: Floats, normals: Floats | N
     area = 0.5 * np.linalg.norm(upright, axis=1)
     maps = moved @ np.linalg.pinv(edges, rcond=1e-6)  # zero along the normal
     if normals is not None:
-        maps += normals[:, :, None] * (upright / np.maximum(2 * area, 1e-300)[:, None])[:, None, :]
+        maps += normals[:, :, None] * (upright / np.maximum(2 * area, TINY)[:, None])[:, None, :]
     total = np.zeros((len(points), places.shape[1], 3))
-    weight = np.full(len(points), 1e-300)
+    weight = np.full(len(points), TINY)
     for k in range(3):
         np.add.at(total, faces[:, k], area[:, None, None] * maps)
         np.add.at(weight, faces[:, k], area)

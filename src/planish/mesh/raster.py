@@ -10,6 +10,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from planish.geometry.guards import TINY_AREA_PX
 from planish.parallel import thread_pool
 from planish.types import Floats, Ints
 
@@ -94,7 +95,7 @@ def _fill_face(  # type: ignore[no-untyped-def]
         return
     x0, x1, x2 = xy[a, 0], xy[b, 0], xy[c, 0]
     twice_area = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
-    if not (abs(twice_area) > 1e-12) or not np.isfinite(twice_area):
+    if not (abs(twice_area) > TINY_AREA_PX) or not np.isfinite(twice_area):
         return
     for r in range(max(first, int(np.ceil(low - 1e-3))), min(last, int(np.floor(high + 1e-3)) + 1)):
         left, right = _span(r, x0, y0, x1, y1, x2, y2, face.shape[1])

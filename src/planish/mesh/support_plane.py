@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from planish.geometry.guards import TINY, normalize
 from planish.mesh.measures import area_vectors
 from planish.types import Floats, Mesh
 
@@ -73,7 +74,7 @@ def _frame(up: Floats) -> Floats:
 def _lowest(points: Floats) -> Floats:
     """The lowest point in every cell of a grid over the sheet."""
     low = points[:, :2].min(axis=0)
-    size = np.maximum(np.ptp(points[:, :2], axis=0), 1e-300)
+    size = np.maximum(np.ptp(points[:, :2], axis=0), TINY)
     cell = np.minimum((points[:, :2] - low) / size * CELLS, CELLS - 1).astype(np.int64) @ [1, CELLS]
     order = np.lexsort((points[:, 2], cell))
     return points[order[np.r_[True, np.diff(cell[order]) > 0]]]
@@ -90,4 +91,4 @@ def _plane_below(points: Floats) -> Floats:
     if found.x is None:
         return np.array([0.0, 0.0, 1.0])
     normal = np.array([-found.x[0], -found.x[1], 1.0])
-    return np.asarray(normal / np.linalg.norm(normal))
+    return normalize(normal)

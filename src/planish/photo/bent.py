@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from planish.errors import InputError
+from planish.geometry.guards import TINY_SHARE
 from planish.photo.borders import Borders
 from planish.photo.cylinder import Cylinder, seen_at
 from planish.photo.fit import ANY_WAY, SQUARE, Evidence, Fitted, fit, nothing, start
@@ -186,4 +187,4 @@ def extrapolated_share(bent: Bent, slack: float) -> float:
 
 def rms(off: Floats, weight: Floats) -> float:
     """Root mean square, weighted."""
-    return float(np.sqrt(np.average(off**2, weights=weight + 1e-12)))
+    return float(np.sqrt(np.average(off**2, weights=weight + TINY_SHARE)))

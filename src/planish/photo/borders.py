@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planish.color import to_uint8
+from planish.geometry.guards import normalize
 from planish.photo.lines import TextLines
 from planish.types import Bools, Floats, Pixels
 
@@ -189,7 +190,7 @@ def _is_smooth(side: Floats) -> bool:
 def _differs(small: NDArray[np.uint8], side: Floats) -> bool:
     """Whether inside and outside of a side look different along most of it."""
     way = np.gradient(side, axis=0)
-    out = np.stack([way[:, 1], -way[:, 0]], axis=1) / np.maximum(np.linalg.norm(way, axis=1), 1e-9)[:, None]
+    out = normalize(np.stack([way[:, 1], -way[:, 0]], axis=1))
     inner, outer = (_colours(small, side + sign * 5 * out) for sign in (-1, 1))
     seen = np.isfinite(outer[:, 0]) & np.isfinite(inner[:, 0])
     if seen.sum() < 0.3 * len(side):

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.optimize import least_squares
 
+from planish.geometry.guards import TINY_PX, TINY_SHARE
 from planish.photo.cylinder import Cylinder, seen_at
 from planish.types import Bools, Floats, Ints
 
@@ -172,7 +173,7 @@ def misfit(sheet: Cylinder, evidence: Evidence, weight: Floats, px_per_unit: flo
     page, good = seen_at(sheet, evidence.photo_xy)
     group, count = evidence.group, len(evidence.upright)
     value = np.where(evidence.upright[group], page[:, 0], page[:, 1])
-    w = weight * good + 1e-12
+    w = weight * good + TINY_SHARE
     place = np.bincount(group, w * value, count) / np.bincount(group, w, count)
     return np.where(good, value - place[group], LOST) * px_per_unit, page, place
 
@@ -182,8 +183,8 @@ def _out_of_ratio(place: Floats, evidence: Evidence) -> float:
     assert evidence.sides is not None
     assert evidence.ratio is not None
     top, right, bottom, left = place[evidence.sides]
-    height = bottom - top
-    return float(np.clip((right - left) / (height if abs(height) > 1e-9 else 1e-9) / evidence.ratio - 1, -9, 9)) / RATIO
+    height = bottom - top if abs(bottom - top) > TINY_PX else TINY_PX
+    return float(np.clip((right - left) / height / evidence.ratio - 1, -9, 9)) / RATIO
 
 
 def _independent(evidence: Evidence) -> Floats:

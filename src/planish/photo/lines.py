@@ -11,6 +11,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from planish.geometry.guards import TINY_PX
 from planish.photo.letters import Letters, direction, letters_in
 from planish.photo.look import NEARBY, Look, ink
 from planish.types import Floats, Ints
@@ -149,7 +150,7 @@ def _feet(letters: Letters, chain: Ints) -> tuple[Floats, float]:
 
 
 def _stand(x: Floats, y: Floats, height: float) -> tuple[Floats, float]:
-    t = (x - x.mean()) / max(float(np.ptp(x)), 1e-9)
+    t = (x - x.mean()) / max(float(np.ptp(x)), TINY_PX)
     powers = t[:, None] ** np.arange(1 + min(3, max(1, len(x) // 6)))
     weight = np.ones(len(x))
     for scale in (0.4, 0.25, 0.15, 0.15):

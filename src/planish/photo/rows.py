@@ -9,6 +9,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from planish.geometry.guards import TINY
 from planish.photo.cylinder import seen_at
 from planish.photo.fit import Evidence, Fitted
 from planish.photo.lines import TextLines
@@ -91,7 +92,7 @@ def _near(lines: TextLines) -> Bools:
     """(lines, lines): whether the first's middle is near to the line between the other's ends."""
     begin, way = lines.ends[:, 0], lines.ends[:, 1] - lines.ends[:, 0]
     off = lines.ends.mean(axis=1)[:, None] - begin
-    share = np.clip((off * way).sum(axis=2) / np.maximum((way**2).sum(axis=1), 1e-9), 0, 1)
+    share = np.clip((off * way).sum(axis=2) / np.maximum((way**2).sum(axis=1), TINY), 0, 1)
     distance = np.linalg.norm(off - share[..., None] * way, axis=2)
     return np.asarray(distance < NEAR * np.maximum(lines.height[:, None], lines.height))
 

@@ -21,6 +21,8 @@ from scipy.optimize import least_squares
 
 from planish.color import LUMINANCE, linear_light
 from planish.errors import InputError
+from planish.geometry.guards import TINY_SHARE
+from planish.illumination.lamp_model import Light
 from planish.photo.bent import Bent
 from planish.photo.borders import Borders
 from planish.photo.cylinder import STEEPEST, Cylinder, in_space, seen_at
@@ -77,11 +79,11 @@ class Lit:
         """Of blank paper at places (n, 2) along and across the sheet's lines."""
         along = (page @ self.sheet.turned_lines())[:, 0]
         turn = np.clip(self.sheet.turn(along), -STEEPEST, STEEPEST)
-        way = self.lamp - in_space(self.sheet, page)
-        distance = np.linalg.norm(way, axis=1)
-        facing = np.maximum(np.sin(turn) * way[:, 0] - np.cos(turn) * way[:, 2], 0) / distance
-        near = (np.linalg.norm(self.lamp) / distance) ** 2
-        return np.asarray(self.paper + np.log(self.ambient + (1 - self.ambient) * facing * near + 1e-4))
+        normals = np.column_stack([np.sin(turn), np.zeros(len(turn)), -np.cos(turn)])
+        logit = np.log(self.ambient / (1 - self.ambient))
+        no_sky_no_vignetting = 0.0, 0.0, 0.0, -np.inf
+        light = Light(np.zeros(3), 1.0, np.array([*self.lamp, self.paper, logit, *no_sky_no_vignetting]))
+        return light.log_brightness(in_space(self.sheet, page), normals, np.zeros(len(turn)))
 
 
 def from_shading(photo: Pixels, borders: Borders, focal: float, centre: Floats) -> Bent:
@@ -117,7 +119,7 @@ def from_shading(photo: Pixels, borders: Borders, focal: float, centre: Floats) 
 
 def _brightest(along: Floats, log: Floats) -> NDArray[np.intp]:
     """Of the cells on each ruling some of the brightest: blank paper, even where a picture fills half of the page."""
-    ruling = np.floor((along - along.min()) / (np.ptp(along) + 1e-9) * RULINGS).astype(int)
+    ruling = np.floor((along - along.min()) / (np.ptp(along) + TINY_SHARE) * RULINGS).astype(int)
     order = np.lexsort((-log, ruling))
     first = np.searchsorted(ruling[order], ruling[order])
     count = np.bincount(ruling, minlength=RULINGS + 1)[ruling[order]]

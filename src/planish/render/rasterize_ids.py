@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import get_num_threads, njit
 
+from planish.geometry.guards import TINY_AREA_PX
 from planish.parallel import thread_pool
 from planish.types import Floats, Ints
 
@@ -69,7 +70,7 @@ def _fill(strip, end, xy, faces, near, best, top, strips, face):  # type: ignore
         if upper > lower:
             continue
         xa, xb, xc = xy[a, 0], xy[b, 0], xy[c, 0]
-        if not abs((xb - xa) * (yc - ya) - (xc - xa) * (yb - ya)) > 1e-12:
+        if not abs((xb - xa) * (yc - ya) - (xc - xa) * (yb - ya)) > TINY_AREA_PX:
             continue
         for r in range(upper, lower + 1):
             left, right = np.inf, -np.inf

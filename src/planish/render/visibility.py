@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 
 from planish.geometry import depths
+from planish.geometry.guards import TINY_MM
 from planish.geometry.resection import resect
 from planish.parallel import thread_pool
 from planish.render.rasterize_ids import rasterize_ids
@@ -50,7 +51,7 @@ def visible_faces(uv_map: UVMap, camera: Camera | None) -> Bools:
 def _nearness(uv_map: UVMap, camera: Camera | None) -> Floats | None:
     """1 / depth of every point, or None where no camera can be found."""
     if camera is not None:
-        return np.asarray(1 / np.maximum(depths(camera, uv_map.points), 1e-9))
+        return np.asarray(1 / np.maximum(depths(camera, uv_map.points), TINY_MM))
     if uv_map.image is not None:
         return None
     matrix = resect(uv_map.points, uv_map.photo_xy)

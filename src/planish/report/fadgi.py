@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from planish.geometry.guards import TINY_MM
 from planish.types import Criterion, GuidelineReport, Report
 
 NAME = (
@@ -48,7 +49,7 @@ def guideline(report: Report) -> GuidelineReport:
         found.append(
             _criterion("evenness of the paper", "%", 100 * LIGHT_PER_GREY * report.shading.unevenness, EVENNESS_PERCENT)
         )
-    across = max(min(page.width_mm, page.height_mm), 1e-9)
+    across = max(min(page.width_mm, page.height_mm), TINY_MM)
     out = 2**0.5 * report.flatten.expected_error_mm
     found.append(_criterion("accuracy of scale", "%", 100 * out / across, SCALE_PERCENT))
     return GuidelineReport(NAME, found, list(NOT_GRADED))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from planish.geometry.guards import TINY, TINY_MM, TINY_SHARE
 from planish.mesh import rasterize
 from planish.types import Floats, Ints
 
@@ -32,7 +33,7 @@ def over_page(page_xy: Floats, faces: Ints, values: Floats, size_mm: tuple[float
         Linear over each face; NaN where there is none.
     """
     width, height = size_mm
-    px_per_mm = rows / max(height, 1e-9)
+    px_per_mm = rows / max(height, TINY_MM)
     face, w = rasterize(page_xy * px_per_mm - 0.5, faces, (rows, max(1, round(width * px_per_mm))))
     weights = np.concatenate([1 - w.sum(axis=2, keepdims=True), w], axis=2)
     value = np.einsum("rck,rck...->rc...", weights, values[faces[np.maximum(face, 0)]])
@@ -68,7 +69,7 @@ def coloured(values: Floats, low: float, high: float) -> NDArray[np.uint8]:
     """Values as colours from dark blue at `low` to yellow at `high`; white where they are NaN."""
     import cv2
 
-    share = np.clip((values - low) / max(high - low, 1e-12), 0, 1)
+    share = np.clip((values - low) / max(high - low, TINY), 0, 1)
     eight = (np.nan_to_num(share) * 255).astype(np.uint8)
     picture = np.array(cv2.applyColorMap(eight, cv2.COLORMAP_VIRIDIS)[..., ::-1])
     picture[np.isnan(values)] = 255
@@ -77,7 +78,7 @@ def coloured(values: Floats, low: float, high: float) -> NDArray[np.uint8]:
 
 def round_above(value: float) -> float:
     """The next round number: a scale that ends there has a round number in its middle too."""
-    power = 10.0 ** np.floor(np.log10(max(value, 1e-12)))
+    power = 10.0 ** np.floor(np.log10(max(value, TINY_SHARE)))
     return float(next(step * power for step in (1, 1.2, 1.6, 2, 3, 4, 5, 6, 8, 10) if step * power >= value * 0.999))
 
 

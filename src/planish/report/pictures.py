@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from planish.geometry.guards import TINY_MM, normalize
 from planish.mesh import point_normals, rasterize
 from planish.report.drawing import rgb_uint8
 from planish.types import Bools, Floats, Ints, Pixels
@@ -38,7 +39,7 @@ def relief(points: Floats, faces: Ints, *, height: int = 900, tilt: float = 50.0
     t = np.radians(tilt)
     right, up = points[:, 0], points[:, 1] * np.cos(t) + points[:, 2] * np.sin(t)
     towards = -points[:, 1] * np.sin(t) + points[:, 2] * np.cos(t)
-    scale = 0.9 * height / max(np.ptp(up), 0.6 * np.ptp(right), 1e-12)
+    scale = 0.9 * height / max(np.ptp(up), 0.6 * np.ptp(right), TINY_MM)
     width = int(np.ceil(np.ptp(right) * scale / 0.9))
     xy = np.c_[right - (right.max() + right.min()) / 2, (up.max() + up.min()) / 2 - up] * scale
     xy += np.array([width / 2, height / 2])
@@ -49,9 +50,9 @@ def relief(points: Floats, faces: Ints, *, height: int = 900, tilt: float = 50.0
     corners, b = faces[face[seen]], w[seen]
     weights = np.c_[1 - b.sum(axis=1), b]
     normal = np.einsum("pk,pkd->pd", weights, normals[corners])
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
+    normal = normalize(normal)
     front = normal @ [0, -np.sin(t), np.cos(t)] > 0
-    light = LIGHT / np.linalg.norm(LIGHT)
+    light = normalize(LIGHT)
     shade = 0.35 + 0.75 * np.abs(normal @ light)[:, None]
     picture[seen] = np.clip(np.where(front[:, None], PAPER, BACK) * shade, 0, 255).astype(np.uint8)
     return picture

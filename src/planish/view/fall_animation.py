@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planish.flattening import settle
+from planish.geometry.guards import normalize
+from planish.geometry.rigid_fit import fit_rigid
 from planish.mesh import Coarse, Topology, area_vectors, onto_support_plane, prolongate, subsample, topology
 from planish.settings import VerletSettings
 from planish.sticks import make_sticks
@@ -162,25 +164,21 @@ def _simulate_verlet(mesh: Mesh) -> tuple[NDArray[np.float32], Outcome]:
 
 
 def _align_to_page(states: Floats, page: Floats) -> Floats:
-    """Apply one rigid motion in the plane to all states that fits the last one to the page (Kabsch 1976).
+    """Apply one rigid motion in the plane to all states that fits the last one to the page.
 
     Parameters
     ----------
     states : (t, k, 3) float64 [mm]
     page : (k, 2) float64 [mm]
     """
-    lying = states[-1, :, :2]
-    middle, target = lying.mean(axis=0), page.mean(axis=0)
-    u, _, vt = np.linalg.svd((page - target).T @ (lying - middle))
-    rotation = u @ np.diag([1, np.sign(np.linalg.det(u @ vt))]) @ vt
-    return np.concatenate([(states[..., :2] - middle) @ rotation.T + target, states[..., 2:]], axis=2)
+    rotation, shift = fit_rigid(states[-1, :, :2], page)
+    return np.concatenate([states[..., :2] @ rotation.T + shift, states[..., 2:]], axis=2)
 
 
 def _interpolate_states(coarse: Coarse, points: Floats, states: Floats) -> Floats:
     """Interpolate states of the coarse points to the fine points (t, n, 3)."""
     count, faces = len(states), coarse.mesh.faces
-    upright = np.stack([area_vectors(state, faces) for state in states], axis=1)  # (m, t, 3)
-    upright /= np.maximum(np.linalg.norm(upright, axis=2, keepdims=True), 1e-300)
+    upright = normalize(np.stack([area_vectors(state, faces) for state in states], axis=1))  # (m, t, 3)
     places = states.transpose(1, 0, 2).reshape(-1, 3 * count)
     carried = prolongate(coarse, points, places, upright.reshape(-1, 3 * count))
     return carried.reshape(-1, count, 3).transpose(1, 0, 2)

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from planish.geometry.guards import TINY_MM
 from planish.mesh import from_file_order
 from planish.report.heat import coloured
 from planish.types import Restoration
@@ -137,7 +138,7 @@ def _page_data(
 
 def _encode_animation(animation: FallAnimation) -> dict[str, Any]:
     low, high = animation.states.min(axis=(0, 1)), animation.states.max(axis=(0, 1))
-    step = np.maximum(high - low, 1e-9) / QUANTIZATION_STEPS
+    step = np.maximum(high - low, TINY_MM) / QUANTIZATION_STEPS
     codes = np.round((animation.states - low) / step - QUANTIZATION_STEPS / 2).astype(np.int16)
     moves = np.diff(codes, axis=0, prepend=np.int16(0))  # differences may wrap around; the cumulative sum wraps back
     return {

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from planish.color import to_uint8
+from planish.geometry.rigid_fit import fit_similarity
 from planish.mesh import rasterize
 from planish.report.drawing import rgb_uint8
 from planish.report.heat import TOP, over_page, round_above, round_span
@@ -193,7 +194,7 @@ def _photo_over_page(scan: Scan, page_xy: Floats, size_mm: tuple[float, float]) 
     if not finite.any():
         return None
     source, target = source[finite], target[finite]
-    linear, shift = _fit_similarity(source, target)
+    linear, shift = fit_similarity(source, target)
     residual = np.sqrt(((source @ linear.T + shift - target) ** 2).sum(axis=1).mean())
     if residual > MAX_RESIDUAL * np.hypot(*size_mm):
         return None
@@ -213,15 +214,6 @@ def _photo_over_page(scan: Scan, page_xy: Floats, size_mm: tuple[float, float]) 
         ),
         np.uint8,
     )
-
-
-def _fit_similarity(source: Floats, target: Floats) -> tuple[Floats, Floats]:
-    """Least-squares similarity: linear part (2, 2) and translation (2,) (Umeyama 1991)."""
-    a, b = source - source.mean(axis=0), target - target.mean(axis=0)
-    u, s, vt = np.linalg.svd(b.T @ a)
-    sign = np.diag([1, np.sign(np.linalg.det(u @ vt))])
-    linear = (s * np.diag(sign)).sum() / max((a**2).sum(), 1e-300) * (u @ sign @ vt)
-    return linear, target.mean(axis=0) - linear @ source.mean(axis=0)
 
 
 def _top_view(restoration: Restoration, animation: FallAnimation) -> NDArray[np.uint8]:

@@ -8,11 +8,13 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from planish.acquire.calibration.boards import FEWEST, Board, corner_places, find_corners
 from planish.acquire.structured_light.gray_code import Grey
 from planish.acquire.structured_light.scan import located
 from planish.errors import InputError
+from planish.geometry.rigid_fit import nearest_rotation
 from planish.types import Camera, Diagnostic, Floats
 
 FEWEST_PHOTOS = 4
@@ -186,7 +188,7 @@ def _solve(places: list[Floats], corners: list[Floats], shape_rc: tuple[int, ...
         np.zeros(5),
         flags=cv2.CALIB_FIX_K3,
     )
-    poses = [(cv2.Rodrigues(r)[0], np.ravel(t)) for r, t in zip(turns, shifts, strict=True)]
+    poses = [(_matrix(r), np.ravel(t)) for r, t in zip(turns, shifts, strict=True)]
     focal_sd = float(np.ravel(deviations)[:2].max() / matrix[0, 0])
     camera = Camera(matrix, np.eye(3), np.zeros(3), (rows, cols), np.ravel(lens)[:4])
     return Calibration(camera, np.ravel(errors), float(rms), focal_sd, poses, corners)
@@ -201,10 +203,9 @@ def _beside(camera: Camera, found: Calibration, places: list[Floats], on_camera:
 
     poses = [_pose(camera, place, xy) for place, xy in zip(places, on_camera, strict=True)]
     turns = [r @ rc.T for (r, _), (rc, _) in zip(found.poses, poses, strict=True)]
-    u, _, vt = np.linalg.svd(np.sum(turns, axis=0))
-    rotation = u @ vt
+    rotation = nearest_rotation(np.sum(turns, axis=0))
     shift = np.mean([t - rotation @ tc for (_, t), (_, tc) in zip(found.poses, poses, strict=True)], axis=0)
-    start = np.concatenate([np.ravel(cv2.Rodrigues(rotation)[0]), shift])
+    start = np.concatenate([Rotation.from_matrix(rotation).as_rotvec(), shift])
     space = np.concatenate([place @ r.T + t for place, (r, t) in zip(places, poses, strict=True)])
     lit = np.concatenate(found.corners)
 
@@ -214,7 +215,7 @@ def _beside(camera: Camera, found: Calibration, places: list[Floats], on_camera:
 
     x = least_squares(misses, start, x_scale=np.array([1e-3] * 3 + [1.0] * 3), loss="soft_l1").x
     lamp = found.camera
-    turn = cv2.Rodrigues(x[:3])[0]
+    turn = _matrix(x[:3])
     put = replace(lamp, rotation=turn @ camera.rotation, translation=turn @ np.ravel(camera.translation) + x[3:])
     rms = float(np.sqrt((misses(x).reshape(-1, 2) ** 2).sum(axis=1).mean()))
     return replace(found, camera=put, rms_px=rms)
@@ -223,7 +224,11 @@ def _beside(camera: Camera, found: Calibration, places: list[Floats], on_camera:
 def _pose(camera: Camera, place: Floats, xy: Floats) -> tuple[Floats, Floats]:
     _, turn, shift = cv2.solvePnP(place, np.ascontiguousarray(xy), camera.matrix, camera.distortion)
     turn, shift = cv2.solvePnPRefineLM(place, np.ascontiguousarray(xy), camera.matrix, camera.distortion, turn, shift)
-    return cv2.Rodrigues(turn)[0], np.ravel(shift)
+    return _matrix(turn), np.ravel(shift)
+
+
+def _matrix(rotation_vector: Floats) -> Floats:
+    return np.asarray(Rotation.from_rotvec(np.ravel(rotation_vector)).as_matrix())
 
 
 def _on_projector(code: Floats, corners: Floats, square_px: float) -> Floats:

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import cv2
 import numpy as np
 from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
 
 from planish.acquire.calibration.boards import Board
 from planish.acquire.laser.board import ALIKE, points_on_boards
 from planish.acquire.laser.sweep import plane_of
 from planish.errors import InputError
+from planish.geometry.axes import perpendicular_axes, principal_axes
+from planish.geometry.guards import normalize
 from planish.types import Camera, Floats, Pixels
 
 APART_DEG = 2.0
@@ -86,8 +88,7 @@ def axis_of_boards(
         )
     first, last = (_plane_at(points, angles_deg, angle) for angle in (low, high))
     last *= np.sign(first[:3] @ last[:3])
-    direction = np.cross(first[:3], last[:3])
-    direction /= max(float(np.linalg.norm(direction)), 1e-12)
+    direction = normalize(np.cross(first[:3], last[:3]))
     point = np.linalg.lstsq(np.stack([first[:3], last[:3]]), -np.array([first[3], last[3]]))[0]
     point -= (point @ direction) * direction
     point += np.mean(np.concatenate(points) @ direction) * direction
@@ -110,14 +111,14 @@ def turned(plane: Floats, point: Floats, direction: Floats, angle: float) -> Flo
     >>> (turned(np.array([1.0, 0, 0, 0]), np.array([0.0, 0, 10]), np.array([0.0, 1, 0]), np.pi / 2) + 0).round(9)
     array([ 0.,  0., -1., 10.])
     """
-    normal = cv2.Rodrigues(angle * direction)[0] @ plane[:3]
+    normal = Rotation.from_rotvec(angle * direction).apply(plane[:3])
     return np.append(normal, plane[:3] @ point + plane[3] - normal @ point)
 
 
 def _plane_at(points: list[Floats], angles_deg: Floats, angle: float) -> Floats:
     here = [points[k] for k in np.flatnonzero(angles_deg == angle)]
     together = np.concatenate(here)
-    length, spread, _ = np.linalg.svd(together - together.mean(axis=0), compute_uv=False)
+    length, spread, _ = principal_axes(together)[1]
     if spread < ALIKE * length:
         raise InputError(
             f"at {angle:g} degrees the laser's lines on {len(here)} photos of the board are almost one line in space; "
@@ -130,12 +131,12 @@ def _refined(
     plane: Floats, point: Floats, direction: Floats, points: list[Floats], angles_deg: Floats
 ) -> tuple[tuple[Floats, Floats, Floats], float]:
     """Plane at angle 0, point and direction with the least distances, and these, rms."""
-    beside = np.linalg.svd(plane[None, :3])[2][1:]  # two directions across the plane's normal, and across the axis
-    around = np.linalg.svd(direction[None])[2][1:]
+    beside = perpendicular_axes(plane[:3])  # two directions across the plane's normal, and across the axis
+    around = perpendicular_axes(direction)
 
     def moved(x: Floats) -> tuple[Floats, Floats, Floats]:
         normal, axis = plane[:3] + x[:2] @ beside, direction + x[2:4] @ around
-        normal, axis = normal / np.linalg.norm(normal), axis / np.linalg.norm(axis)
+        normal, axis = normalize(normal), normalize(axis)
         place = point + REACH_MM * x[4:6] @ around
         # the plane keeps its distance from the first point of the axis, but for x[6]
         return np.append(normal, plane[:3] @ point + plane[3] - normal @ point + REACH_MM * x[6]), place, axis

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from planish.acquire.calibration.boards import Board, corner_places, find_corners
 from planish.acquire.laser.lines import brightest_colour, without_laser
@@ -13,6 +14,8 @@ from planish.acquire.laser.stripes import Direction, find_stripes, print_of
 from planish.acquire.laser.sweep import crossings_xy, plane_of
 from planish.color import to_grey
 from planish.errors import InputError
+from planish.geometry.axes import principal_axes
+from planish.geometry.guards import normalize
 from planish.geometry.triangulation import meet_plane, rays
 from planish.types import Camera, Floats, Pixels
 
@@ -73,7 +76,7 @@ def planes_of_boards(
     planes, rms = [], []
     for line in range(lines):
         points = np.concatenate([parts[line] for parts in seen])
-        length, spread, _ = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+        length, spread, _ = principal_axes(points)[1]
         if spread < ALIKE * length:
             raise InputError(
                 f"the laser's lines on {len(photos)} photos of the board are almost one line in space, "
@@ -123,7 +126,7 @@ def _straight(points: Floats, off: float) -> Floats:
     pairs = np.random.default_rng(0).integers(max(len(points), 1), size=(TRIALS, 2))
     best = np.zeros(len(points), bool)
     for a, b in points[pairs] if len(points) else ():
-        way = (b - a) / max(float(np.linalg.norm(b - a)), 1e-12)
+        way = normalize(b - a)
         beside = points - a
         near = np.linalg.norm(beside - np.outer(beside @ way, way), axis=1) < off
         best = near if near.sum() > best.sum() else best
@@ -148,7 +151,7 @@ def _pose(photo: Pixels, name: str, camera: Camera, board: Board) -> tuple[Float
             f"in {name} the board's corners are {off:.1f} pixels rms from where this camera would see them; is this "
             "the calibration of this camera?"
         )
-    normal = cv2.Rodrigues(turn)[0][:, 2]  # in the camera
+    normal = Rotation.from_rotvec(np.ravel(turn)).as_matrix()[:, 2]  # in the camera
     away = float(normal @ (shift.ravel() - np.ravel(camera.translation)))
     outline = cv2.convexHull(xy.astype(np.float32)).reshape(-1, 2).astype(np.float64)
     return np.array([*(normal @ camera.rotation), -away]), outline

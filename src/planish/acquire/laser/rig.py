@@ -12,6 +12,7 @@ from scipy.spatial import cKDTree
 from planish.acquire.laser.lines import axes_of, on_cylinder, points_of, profile_gap, profiled, two_lines
 from planish.acquire.laser.squares import Squares, find_squares
 from planish.errors import InputError
+from planish.geometry.rigid_fit import fit_rigid
 from planish.geometry.triangulation import rays
 from planish.types import Camera, Floats, Pixels
 
@@ -167,7 +168,6 @@ def _off_lattice(flat: Floats, squares: Squares) -> Floats:
     if known.sum() < 3:
         return off
     got, true = flat[known], squares.ij[known].astype(np.float64)
-    got, true = got - got.mean(axis=0), true - true.mean(axis=0)
-    u, _, vt = np.linalg.svd(true.T @ got)
-    off[known] = got - true @ (u @ np.diag([1, np.sign(np.linalg.det(u @ vt))]) @ vt)
+    rotation, shift = fit_rigid(true, got)
+    off[known] = got - (true @ rotation.T + shift)
     return off

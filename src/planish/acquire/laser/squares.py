@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from planish.geometry.guards import TINY_SHARE
 from planish.types import Floats, Pixels
 
 LINE_PX = 7
@@ -92,7 +93,7 @@ def _corners(photo: Pixels) -> Floats:
     place = np.column_stack([cols, rows]).astype(np.float64)
     for axis, (r, c) in enumerate(((0, 1), (1, 0))):  # the top of a parabola through three pixels
         before, here, behind = response[rows - r, cols - c], response[rows, cols], response[rows + r, cols + c]
-        bend = np.minimum(before + behind - 2 * here, -1e-9)
+        bend = np.minimum(before + behind - 2 * here, -TINY_SHARE)
         place[:, axis] += np.clip((before - behind) / (2 * bend), -0.5, 0.5)
     return place
 

@@ -14,6 +14,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from planish.color import linear_light
+from planish.geometry.guards import SINGULAR, TINY
 from planish.parallel import thread_pool
 from planish.types import Floats, Pixels
 
@@ -219,7 +220,7 @@ def _search(first, last, code, light, noise, off, reflectance, change, clipped, 
 def _strengths(y, v, d, strength, score):  # type: ignore[no-untyped-def]
     """Least squares of y = A d over a window: A, and A less SURE deviations of it."""
     n = len(y)
-    above, below = 0.0, 1e-300
+    above, below = 0.0, TINY
     for x in range(-REACH, n):
         if x + REACH < n:
             above += y[x + REACH] * d[x + REACH] / v[x + REACH]
@@ -316,7 +317,7 @@ def _fit(top, y, v, d, strength, code, clipped, fit, tally):  # type: ignore[no-
         p, q, s = m[2] * m[4] - m[3] ** 2, m[2] * m[3] - m[1] * m[4], m[1] * m[3] - m[2] ** 2
         t, e, g = m[0] * m[4] - m[2] ** 2, m[1] * m[2] - m[0] * m[3], m[0] * m[2] - m[1] ** 2
         det = m[0] * p + m[1] * q + m[2] * s
-        if not det > 1e-12 * m[0] * m[2] * m[4]:
+        if not det > SINGULAR * m[0] * m[2] * m[4]:
             return
         a, b, c = (
             (p * r[0] + q * r[1] + s * r[2]) / det,

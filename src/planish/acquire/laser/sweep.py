@@ -17,6 +17,8 @@ from planish.acquire.range_image.depth import back_projected, on_mask
 from planish.document.sheet_outline import sheet_mask
 from planish.errors import InputError
 from planish.geometry import depths, project
+from planish.geometry.axes import principal_axes
+from planish.geometry.guards import TINY_MM
 from planish.geometry.triangulation import meet_plane, rays
 from planish.types import Bools, Camera, Diagnostic, Floats, Pixels, Scan
 
@@ -202,10 +204,10 @@ def plane_of(points: Floats) -> tuple[Floats, float]:
     plane, rms = np.full(4, np.nan), np.inf
     for _ in range(2):
         middle = points.mean(axis=0)
-        normal = np.linalg.svd(points - middle, full_matrices=False)[2][2]
+        normal = principal_axes(points)[0][2]
         off = (points - middle) @ normal
         plane, rms = np.array([*normal, -normal @ middle]), float(np.sqrt((off**2).mean()))
-        points = points[np.abs(off) <= max(3 * rms, 1e-9)]
+        points = points[np.abs(off) <= max(3 * rms, TINY_MM)]
     return plane, rms
 
 

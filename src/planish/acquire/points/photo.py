@@ -7,6 +7,7 @@ from scipy import ndimage
 from scipy.spatial import cKDTree
 
 from planish.geometry import depths, project
+from planish.geometry.guards import TINY, normalize
 from planish.mesh import point_normals, rasterize
 from planish.types import Camera, Floats, Mesh, Pixels
 
@@ -32,8 +33,7 @@ def camera_above(mesh: Mesh, pixel_mm: float) -> Camera:
     Its columns run along the world's x as far as the direction allows.
     """
     points = mesh.points
-    upward = point_normals(points, mesh.faces).mean(axis=0)
-    upward /= max(float(np.linalg.norm(upward)), 1e-12)
+    upward = normalize(point_normals(points, mesh.faces).mean(axis=0))
     right = np.array([1.0, 0, 0]) if abs(upward[0]) < 0.9 else np.array([0.0, 1, 0])
     right -= (right @ upward) * upward
     right /= np.linalg.norm(right)
@@ -44,7 +44,7 @@ def camera_above(mesh: Mesh, pixel_mm: float) -> Camera:
     flat = seen[:, :2] / seen[:, 2:]
     span = np.ptp(flat, axis=0)
     focal = distance / pixel_mm
-    focal = min(focal, float(np.sqrt(MOST_PIXELS / max(span.prod(), 1e-12))))
+    focal = min(focal, float(np.sqrt(MOST_PIXELS / max(span.prod(), TINY))))
     cols, rows = (int(np.ceil(focal * side)) + 2 * MARGIN_PX for side in span)
     centre = MARGIN_PX - focal * flat.min(axis=0)
     matrix = np.array([[focal, 0, centre[0]], [0, focal, centre[1]], [0, 0, 1]])

@@ -15,6 +15,7 @@ from planish.acquire.range_image.grid import plausible_origin
 from planish.document.sheet_outline import sheet_mask
 from planish.errors import InputError
 from planish.geometry import project
+from planish.geometry.guards import TINY_MM
 from planish.types import Bools, Camera, Diagnostic, Floats, Pixels, Scan
 
 FEWEST = 500
@@ -138,4 +139,4 @@ def _printed_side(
 def _confidence(vertices: Floats, points: Floats) -> Floats:
     """How dense the points are around each corner of the mesh, against the usual; at most 1."""
     reach = cKDTree(points).query(vertices, min(8, len(points)), workers=2)[0][:, -1]
-    return np.clip((np.median(reach) / np.maximum(reach, 1e-9)) ** 2, 0, 1)
+    return np.clip((np.median(reach) / np.maximum(reach, TINY_MM)) ** 2, 0, 1)

@@ -11,6 +11,7 @@ from scipy import ndimage
 from scipy.spatial import cKDTree
 
 from planish.errors import InputError, MissingExtraError
+from planish.geometry.guards import normalize
 from planish.mesh import without_small_components
 from planish.types import Bools, Floats, Ints, Mesh
 
@@ -136,7 +137,7 @@ def _signed_distance(at: Floats, points: Floats, normals: Floats, tree: cKDTree,
         off = ((x[:, None] - points[near]) * normals[near]).sum(axis=2)
         found[first : first + BLOCK] = (weight * off).sum(axis=1) / weight.sum(axis=1)
         upward[first : first + BLOCK] = (weight[..., None] * normals[near]).sum(axis=1)
-    return found, upward / np.maximum(np.linalg.norm(upward, axis=1, keepdims=True), 1e-12)
+    return found, normalize(upward)
 
 
 def _whole_cells(near: Bools) -> Bools:
@@ -161,8 +162,7 @@ def _on_sheet(vertices: Floats, points: Floats, normals: Floats, tree: cKDTree) 
 
 def _widest_gap(around: Floats, normal: Floats) -> Floats:
     """Widest angle [rad] at the origin, in the planes of the normals (k, 3), with none of the points (k, m, 3)."""
-    across = np.cross(normal, np.eye(3)[np.abs(normal).argmin(axis=1)])
-    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    across = normalize(np.cross(normal, np.eye(3)[np.abs(normal).argmin(axis=1)]))
     along = np.cross(normal, across)
     angle = np.arctan2((around * along[:, None]).sum(axis=2), (around * across[:, None]).sum(axis=2))
     angle.sort(axis=1)

@@ -11,6 +11,8 @@ from planish.acquire.range_image.steps import depth_step, step_warnings, with_ro
 from planish.document.sheet_outline import sheet_mask
 from planish.errors import InputError
 from planish.geometry import project
+from planish.geometry.axes import principal_axes
+from planish.geometry.guards import TINY_MM
 from planish.types import Bools, Camera, Diagnostic, Floats, Pixels, Scan
 
 CLOSEST = 0.3
@@ -134,10 +136,10 @@ def _sight(points: Floats, known: Bools, eye: Floats | None) -> tuple[Floats, fl
     """
     if eye is None:
         flat = points[known]
-        axes = np.linalg.svd(flat[:: 1 + len(flat) // 100_000] - flat.mean(axis=0), full_matrices=False)[2]
+        axes = principal_axes(flat[:: 1 + len(flat) // 100_000])[0]
         return np.asarray((points - flat.mean(axis=0)) @ axes.T), 1.0
     ray = points - eye
-    away = np.maximum(np.linalg.norm(ray, axis=2, keepdims=True), 1e-12)
+    away = np.maximum(np.linalg.norm(ray, axis=2, keepdims=True), TINY_MM)
     return np.concatenate([ray / away, np.log(away)], axis=2), float(np.nanmedian(away))
 
 

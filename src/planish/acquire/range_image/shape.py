@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from planish.errors import InputError
+from planish.geometry.axes import principal_axes
 from planish.types import Bools, Floats
 
 NEAR = 5.0
@@ -76,7 +77,7 @@ def recognised_shape(points: Floats) -> tuple[int, int] | None:
     spread = points[known]
     if len(spread) < 4:
         return None
-    axes = np.linalg.svd(spread[:: 1 + len(spread) // SAMPLE] - spread.mean(axis=0), full_matrices=False)[2]
+    axes = principal_axes(spread[:: 1 + len(spread) // SAMPLE])[0]
     sides = np.ptp(spread @ axes[:2].T, axis=0)
     reach = min(NEAR * float(np.sqrt(sides.prod() / len(spread))), FARTHEST * float(sides.max()))
     along, length = _step(points, known, 1)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from planish.acquire.structured_light.gray_code import Codes, Grey, bits_for
 from planish.acquire.structured_light.phase import Phased
+from planish.geometry.guards import SINGULAR
 from planish.parallel import thread_pool
 from planish.types import Bools, Floats, Ints
 
@@ -226,7 +227,7 @@ def _constant(normal, right):  # type: ignore[no-untyped-def]
     for j in range(n):
         for k in range(j):
             normal[j, j] -= normal[j, k] * normal[j, k]
-        if normal[j, j] <= 1e-12 * scale:
+        if normal[j, j] <= SINGULAR * scale:
             return np.nan
         normal[j, j] = np.sqrt(normal[j, j])
         for i in range(j + 1, n):
