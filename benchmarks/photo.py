@@ -39,8 +39,8 @@ from planish import InputError, Scan, restore
 from planish.gallery import VirtualScan, sheet, typeset_page, virtual_scan
 from planish.geometry import project
 from planish.photo import find_shape
-from planish.photo.lines import text_lines
-from planish.photo.look import look_at
+from planish.photo.lines import find_text_lines
+from planish.photo.working_image import working_image
 from planish.settings import PhotoSettings
 from truth import character_error, read_text
 
@@ -81,7 +81,7 @@ def crookedness(page: Path) -> float:
     if not page.exists():
         return np.nan
     pixels = cv2.imread(str(page))
-    lines = text_lines(look_at(pixels))
+    lines = find_text_lines(working_image(pixels))
     if lines is None:
         return np.nan
     off = []

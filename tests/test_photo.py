@@ -11,39 +11,39 @@ from planish.errors import InputError, UsageError
 from planish.gallery import sheet, typeset_page, virtual_scan
 from planish.geometry import project
 from planish.photo import find_shape
-from planish.photo.borders import borders_in
-from planish.photo.cylinder import Cylinder, in_space, on_photo, seen_at
-from planish.photo.fit import TURNS, Evidence, fit, start
-from planish.photo.free import Shift, fit_shift, no_shift
-from planish.photo.look import Look, look_at
+from planish.photo.borders import find_borders
+from planish.photo.cylinder import Cylinder, page_to_space, photo_to_page, space_to_photo
+from planish.photo.fit import ANGLE_COEFFICIENTS, Observations, fit, start
+from planish.photo.residual_warp import ResidualWarp, fit_warp, identity_warp
+from planish.photo.working_image import WorkingImage, working_image
 from planish.settings import PhotoSettings
 
 CENTRE = np.array([999.5, 1499.5])
 
 
-def bent(turns, *, pitch=0.1, roll=0.05, lean=0.0, focal=2400.0):
-    return Cylinder(np.array([pitch, roll]), lean, np.asarray(turns, float), (-0.35, 0.35), focal, CENTRE)
+def bent(turns, *, pitch=0.1, roll=0.05, text_angle=0.0, focal=2400.0):
+    return Cylinder(np.array([pitch, roll]), text_angle, np.asarray(turns, float), (-0.35, 0.35), focal, CENTRE)
 
 
 @given(
-    st.lists(st.floats(-0.6, 0.6), min_size=TURNS, max_size=TURNS),
+    st.lists(st.floats(-0.6, 0.6), min_size=ANGLE_COEFFICIENTS, max_size=ANGLE_COEFFICIENTS),
     st.floats(-0.3, 0.3),
     st.floats(-3.0, 3.0),
     st.floats(-1.6, 1.6),
 )
-def test_what_is_put_on_the_photo_is_seen_there(turns, pitch, roll, lean):
-    cylinder = bent(turns, pitch=pitch, roll=roll, lean=lean)
+def test_what_is_put_on_the_photo_is_seen_there(turns, pitch, roll, text_angle):
+    cylinder = bent(turns, pitch=pitch, roll=roll, text_angle=text_angle)
     page = np.random.default_rng(0).uniform(-0.2, 0.2, (50, 2))
-    seen, good = seen_at(cylinder, on_photo(cylinder, in_space(cylinder, page)))
+    seen, good = photo_to_page(cylinder, space_to_photo(cylinder, page_to_space(cylinder, page)))
     assert good.all()
     # 3 um on a page 0.5 m away: both ways go over one polygon, but their straight pieces meet in different places
     assert np.abs(seen - page).max() < 1e-5
 
 
 def test_the_profile_keeps_lengths():
-    cylinder = bent(np.linspace(-0.8, 0.9, TURNS))
+    cylinder = bent(np.linspace(-0.8, 0.9, ANGLE_COEFFICIENTS))
     along = np.stack([np.linspace(-0.3, 0.3, 4001), np.zeros(4001)], axis=1)
-    steps = np.linalg.norm(np.diff(in_space(cylinder, along), axis=0), axis=1)
+    steps = np.linalg.norm(np.diff(page_to_space(cylinder, along), axis=0), axis=1)
     assert steps.sum() == pytest.approx(0.6, rel=1e-4)  # chords over 1/250 of the page
 
 
@@ -54,10 +54,10 @@ def lined(cylinder, rng, noise_px):
     sides = [np.stack([np.full_like(y, u), y], axis=1) for u in (-0.28, 0.28)]
     groups = [*level, *sides]
     page = np.concatenate(groups)
-    seen = on_photo(cylinder, in_space(cylinder, page)) + rng.normal(0, noise_px, page.shape)
+    seen = space_to_photo(cylinder, page_to_space(cylinder, page)) + rng.normal(0, noise_px, page.shape)
     group = np.repeat(np.arange(len(groups), dtype=np.int32), [len(g) for g in groups])
     upright = np.arange(len(groups)) >= len(level)
-    return page, Evidence(seen, group, upright, np.full(len(groups), max(noise_px, 0.5)))
+    return page, Observations(seen, group, upright, np.full(len(groups), max(noise_px, 0.5)))
 
 
 def off_similar(got, true):
@@ -70,26 +70,26 @@ def off_similar(got, true):
 @pytest.mark.parametrize("roll", [0.0, 0.4, -1.5])
 def test_a_bent_sheet_is_found_from_its_lines(roll):
     cylinder = bent([-1.0, -0.7, -0.3, 0.0, 0.2, 0.3, 0.3, 0.2, 0.1], roll=roll)
-    page, evidence = lined(cylinder, np.random.default_rng(1), noise_px=0.5)
-    found = fit(start(evidence, roll, cylinder.focal, CENTRE, across=False), evidence)
-    flat = off_similar(evidence.photo_xy, page)
+    page, observations = lined(cylinder, np.random.default_rng(1), noise_px=0.5)
+    found = fit(start(observations, roll, cylinder.focal, CENTRE, across=False), observations)
+    flat = off_similar(observations.photo_xy, page)
     assert flat > 0.012  # the photo itself: 4 mm on a letter
     assert off_similar(found.page, page) < 0.001  # 0.3 mm; half a pixel of noise is 0.1 mm there
-    assert np.sqrt(np.mean(found.off_px**2)) < 0.6  # the noise itself
+    assert np.sqrt(np.mean(found.residual_px**2)) < 0.6  # the noise itself
 
 
 def test_lines_that_are_wrong_do_not_count():
     cylinder = bent([-0.5, -0.3, -0.1, 0.0, 0.1, 0.1, 0.2, 0.2, 0.3])
-    page, evidence = lined(cylinder, np.random.default_rng(1), noise_px=0.5)
-    wrong = evidence.photo_xy.copy()
+    page, observations = lined(cylinder, np.random.default_rng(1), noise_px=0.5)
+    wrong = observations.photo_xy.copy()
     wrong[::15] += [0, 60]
     found = fit(
-        start(evidence, 0.05, cylinder.focal, CENTRE, across=False),
-        Evidence(wrong, evidence.group, evidence.upright, evidence.doubt_px),
+        start(observations, 0.05, cylinder.focal, CENTRE, across=False),
+        Observations(wrong, observations.group, observations.upright, observations.sigma_px),
     )
     good = np.arange(len(page)) % 15 != 0
     assert off_similar(found.page[good], page[good]) < 0.006
-    level = ~evidence.upright[evidence.group]  # moved down, places of a margin stay on it
+    level = ~observations.upright[observations.group]  # moved down, places of a margin stay on it
     assert found.weight[~good & level].max() < 0.1
 
 
@@ -99,26 +99,26 @@ def test_a_shift_is_found_and_undone():
     page = rng.uniform(low, high, (800, 2))
     wanted = 0.02 * np.sin(2 * page[:, 0]) * np.cos(page[:, 1])
     axis = np.ones(len(page), int)
-    shift = fit_shift(no_shift(low, high), page, wanted, np.ones(len(page)), axis, 1e-3)
-    assert np.abs(shift(page)[:, 1] - wanted).max() < 0.1 * 0.02
-    assert np.abs(shift(page)[:, 0]).max() == 0
+    warp = fit_warp(identity_warp(low, high), page, wanted, np.ones(len(page)), axis, 1e-3)
+    assert np.abs(warp(page)[:, 1] - wanted).max() < 0.1 * 0.02
+    assert np.abs(warp(page)[:, 0]).max() == 0
     inside = page[(np.abs(page) < [0.9, 1.3]).all(axis=1)]
-    back = shift.undone(inside)
-    assert np.abs(back + shift(back) - inside).max() < 1e-9
+    back = warp.inverse(inside)
+    assert np.abs(back + warp(back) - inside).max() < 1e-9
 
 
 def test_no_shift_moves_nothing():
-    shift = no_shift(np.zeros(2), np.ones(2))
-    assert isinstance(shift, Shift)
-    assert np.abs(shift(np.random.default_rng(0).uniform(-1, 2, (20, 2)))).max() == 0
+    warp = identity_warp(np.zeros(2), np.ones(2))
+    assert isinstance(warp, ResidualWarp)
+    assert np.abs(warp(np.random.default_rng(0).uniform(-1, 2, (20, 2)))).max() == 0
 
 
 def test_a_turned_look_knows_where_it_is_on_the_photo():
     photo = np.zeros((300, 400, 3), np.uint8)
     photo[100:103, 250:253] = 255
-    look = look_at(photo).turned(0.7)
+    look = working_image(photo).rotated(0.7)
     row, col = np.unravel_index(look.grey.argmax(), look.grey.shape)
-    assert np.abs(look.on_photo(np.array([[col, row]])) - [251, 101]).max() < 1.5  # the spot is 3 pixels wide
+    assert np.abs(look.space_to_photo(np.array([[col, row]])) - [251, 101]).max() < 1.5  # the spot is 3 pixels wide
 
 
 def photo_of(name, **options):
@@ -175,8 +175,8 @@ def test_a_book_page_from_its_text_alone(book):
 
 @pytest.mark.parametrize("quarters", [1, 2])
 def test_text_is_found_any_way_round(book, quarters):
-    turned = np.ascontiguousarray(np.rot90(book.scan.photo, quarters))
-    found = find_shape(turned)
+    rotated = np.ascontiguousarray(np.rot90(book.scan.photo, quarters))
+    found = find_shape(rotated)
     first, across = found.scan.photo_xy[0], found.scan.photo_xy[int(found.scan.mesh.faces[0, 1]) - 1]
     way = (across - first) / np.linalg.norm(across - first)
     along = {1: [0, -1], 2: [-1, 0]}[quarters]  # where the page's rows run after so many turns to the left
@@ -318,7 +318,7 @@ def test_a_sheet_with_a_corner_at_the_rim_of_the_photo_is_seen_whole():
     photo = np.full((1600, 1200, 3), 90, np.uint8)
     corners = np.array([[470, 12], [1185, 330], [760, 1585], [-4, 1240]])
     cv2.fillConvexPoly(photo, corners.astype(np.int32), (225, 225, 222))
-    found = borders_in(photo, None)
+    found = find_borders(photo, None)
     assert found is not None
     begins = np.array([side[0] for side in found.sides])
     away = np.linalg.norm(begins[:, None] - corners[None], axis=2).min(axis=1)
@@ -346,8 +346,8 @@ def test_sixteen_bit_photos_give_the_same_shape(book):
 
 
 def test_the_look_is_small():
-    look = look_at(np.zeros((6000, 8000, 3), np.uint8))
-    assert isinstance(look, Look)
+    look = working_image(np.zeros((6000, 8000, 3), np.uint8))
+    assert isinstance(look, WorkingImage)
     assert max(look.grey.shape) <= 1700 * 1.5
     assert look.px == pytest.approx(5.0)
 

@@ -1,4 +1,4 @@
-"""The shape of a sheet from one photo: lines of text, borders or shade become a scan like any other."""
+"""Shape from a single photo: text lines, sheet borders or shading give a scan like any other."""
 
 from planish.photo.shape import PhotoShape, find_shape
 

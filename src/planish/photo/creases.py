@@ -1,4 +1,4 @@
-"""Folds and crumples, told by the shade of blank paper: it changes abruptly at a crease, and nowhere on a curl."""
+"""Crease detection from the shading of blank paper: it is discontinuous at creases and smooth on curls."""
 
 from __future__ import annotations
 
@@ -7,72 +7,72 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planish.color import to_grey, to_uint8
-from planish.photo.bent import Bent
-from planish.photo.cylinder import in_space, on_photo
-from planish.photo.free import grid
-from planish.photo.look import ink
+from planish.photo.cylinder import page_to_space, space_to_photo
+from planish.photo.fitted_sheet import FittedSheet
+from planish.photo.residual_warp import grid
+from planish.photo.working_image import ink_mask
 from planish.types import Bools, Floats, Pixels
 
 CELLS = 300
-"""Of the page's long side: a millimetre of A4. Creases are sharper than one, shadows of hands and phones are not."""
+"""Cells along the page's long side: 1 mm of A4. Creases are sharper, shadows of hands and phones are not."""
 BETWEEN = 5
-"""The bent sheet is asked for every fifth of them."""
+"""Grid step of the map from page to photo [cells]; interpolated between."""
 RIM = 0.04
-"""Of the page, in parts of its long side, where the ground beyond it and the sheet's own thickness may show."""
+"""Width of the ignored rim of the page, as a share of its long side: background and paper edges may show there."""
 FAINT = 0.04
-"""So much darker than the paper around it, as a part of it, is the faintest print; it is left out."""
+"""Least relative contrast of faint print, which is masked."""
 DIRECTIONS = 12
 HALF = 8
-"""Of the stretches that are looked at [cells]: an inch and a half is straight on crumpled paper too."""
+"""Half length of the filter along the crease [cells]: creases are straight over an inch and a half."""
 NEAR, FAR = (1, 2), (4, 6)
-"""How far from a crease the paper beside it begins and ends [cells]."""
+"""Distance range of the filter's two sides from the crease [cells]."""
 SHARP = 0.5
-"""Of the step from far to far that must be there from near to near: a blurred edge 6 mm wide has as much."""
+"""Least ratio of the near to the far step: that of a blurred edge 6 mm wide."""
 STEP = 0.02
-"""Least change of brightness at a crease, as a part of it. Means of so many cells are good to a few thousandths, and a
-fold of 2 degrees in light from the side changes as much."""
+"""Least relative step of brightness at a crease. Filter means are accurate to a few thousandths; a fold of 2 degrees in
+oblique light gives this step."""
 LIKE = 0.5
-"""Shade dims red and blue alike, printed tints do not: the lesser change is so much of the greater one."""
+"""Least ratio of the red and blue steps: shading changes both alike, printed tints do not."""
 BLANK = (0.45, 0.6)
-"""Part of the paper near and far that must be blank."""
+"""Least share of blank paper in the near and far windows."""
 LINE, NEXT = np.ones((9, 1), np.uint8), np.ones((5, 1), np.uint8)
-"""How near a step the other way belongs to it, and how near steps are one [cells]."""
+"""Windows that pair a step with one of opposite sign, and for non-maximum suppression [cells]."""
 LEAST = 0.04
-"""Shortest piece of a crease, in parts of the page's long side: a short one may be anything."""
+"""Shortest piece of a crease, as a share of the page's long side."""
 
 Picture = NDArray[np.float32]
 
 
-def crease_length(photo: Pixels, bent: Bent) -> float:
-    """Find creases in the paper and add up their lengths, in lengths of the page's shorter side.
+def crease_length(photo: Pixels, sheet: FittedSheet) -> float:
+    """Detect creases in the paper and sum their lengths, in shorter sides of the page.
 
     Parameters
     ----------
     photo : (rows, cols, 3) uint8 or uint16
-    bent : Bent
+    sheet : FittedSheet
 
     Returns
     -------
     float
-        1 for one fold from side to side. Sheets without creases have 0 to 0.2, most of it from sharp shadows. A fold
-        that light meets equally on both sides is not seen.
+        1 for one fold from side to side. Sheets without creases have 0 to 0.2, mostly from sharp shadows. A fold lit
+        equally on both sides is not detected.
     """
-    page, seen = _on_page(photo, bent)
+    page, seen = _straightened(photo, sheet)
     blank = _blank(page) & seen
-    step = np.where(_inner(blank.shape), _steps(_without_print(page, blank), blank), 0)
+    step = np.where(_inner(blank.shape), _crease_contrast(_without_print(page, blank), blank), 0)
     return _length(step > STEP) / min(step.shape)
 
 
-def _on_page(photo: Pixels, bent: Bent) -> tuple[Pixels, Bools]:
-    """The page straightened, small: (rows, cols, 3) uint8, and which of it the photo shows."""
-    low, high = bent.shift.low, bent.shift.high
+def _straightened(photo: Pixels, sheet: FittedSheet) -> tuple[Pixels, Bools]:
+    """Rectified small page (rows, cols, 3) uint8, and the mask of what the photo shows."""
+    low, high = sheet.warp.low, sheet.warp.high
     cell = float((high - low).max()) / CELLS
-    places, shape_rc = grid(low, high, BETWEEN * cell)
-    xy = on_photo(bent.sheet, in_space(bent.sheet, bent.shift.undone(places)))
+    positions, shape_rc = grid(low, high, BETWEEN * cell)
+    xy = space_to_photo(sheet.cylinder, page_to_space(sheet.cylinder, sheet.warp.inverse(positions)))
     end = np.array(photo.shape[1::-1])
     first, last = (np.clip(f(xy, axis=0), 0, end).astype(int) for f in (np.min, np.max))
     part = np.asarray(photo)[first[1] : last[1] + 1, first[0] : last[0] + 1]
-    step = max(1, int(np.ptp(xy, axis=0).max() / CELLS))  # cells of the page are about as large as the pixels then
+    step = max(1, int(np.ptp(xy, axis=0).max() / CELLS))  # so that pixels are about as large as cells
     rows, cols = (max(n // step, 1) for n in part.shape[:2])
     small = cv2.resize(part[: rows * step, : cols * step], (cols, rows), interpolation=cv2.INTER_AREA)
     small = to_uint8(small)
@@ -84,7 +84,7 @@ def _on_page(photo: Pixels, bent: Bent) -> tuple[Pixels, Bools]:
 
 
 def _inner(shape_rc: tuple[int, ...]) -> Bools:
-    """What is not on the page's rim."""
+    """Mask of the page without its rim."""
     rim = round(RIM * max(shape_rc))
     inner = np.zeros(shape_rc, bool)
     inner[rim:-rim, rim:-rim] = True
@@ -92,15 +92,15 @@ def _inner(shape_rc: tuple[int, ...]) -> Bools:
 
 
 def _blank(page: Pixels) -> Bools:
-    """What is not print, nor next to it."""
+    """Mask of blank paper, away from print."""
     grey = to_grey(page)
-    paper = cv2.morphologyEx(grey, cv2.MORPH_CLOSE, np.ones((7, 7), np.uint8))
-    printed = ink(grey) | (grey < (1 - FAINT) * paper)
+    paper_level = cv2.morphologyEx(grey, cv2.MORPH_CLOSE, np.ones((7, 7), np.uint8))
+    printed = ink_mask(grey) | (grey < (1 - FAINT) * paper_level)
     return np.asarray(cv2.dilate(printed.astype(np.uint8), np.ones((3, 3), np.uint8)) == 0)
 
 
 def _without_print(page: Pixels, blank: Bools) -> Picture:
-    """Logarithm of red and blue (rows, cols, 2), print filled with the paper around it."""
+    """Log of red and blue (rows, cols, 2), print inpainted from the paper around it."""
     level = np.log(np.maximum(page[..., ::2].astype(np.float32), 4))
     weight = blank.astype(np.float32)[..., None]
     around = cv2.GaussianBlur(level * weight, (0, 0), FAR[0])
@@ -108,23 +108,23 @@ def _without_print(page: Pixels, blank: Bools) -> Picture:
     return np.where(blank[..., None], level, around / np.maximum(share, 1e-3))
 
 
-def _steps(level: Picture, blank: Bools) -> Picture:
-    """How much the brightness changes at a crease through each place, 0 where there is none: (rows, cols)."""
+def _crease_contrast(level: Picture, blank: Bools) -> Picture:
+    """Brightness step at each crease pixel, 0 elsewhere: (rows, cols)."""
     rows, cols = blank.shape
     side = int(np.ceil(np.hypot(rows, cols)))
     both = np.dstack([level, blank.astype(np.float32)])
     most = np.zeros((rows, cols), np.float32)
     for k in range(DIRECTIONS):
-        turn = cv2.getRotationMatrix2D((cols / 2, rows / 2), 180 * k / DIRECTIONS, 1.0)
-        turn[:, 2] += (side - np.array([cols, rows])) / 2
-        level_step = _level_steps(cv2.warpAffine(both, turn, (side, side)))
-        back = cv2.warpAffine(level_step, turn, (cols, rows), flags=cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP)
-        most = np.maximum(most, back)
+        rotation = cv2.getRotationMatrix2D((cols / 2, rows / 2), 180 * k / DIRECTIONS, 1.0)
+        rotation[:, 2] += (side - np.array([cols, rows])) / 2
+        level_step = _horizontal_crease_contrast(cv2.warpAffine(both, rotation, (side, side)))
+        aligned = cv2.warpAffine(level_step, rotation, (cols, rows), flags=cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP)
+        most = np.maximum(most, aligned)
     return most
 
 
-def _level_steps(both: Picture) -> Picture:
-    """The same for creases that are level, of a picture of two colours and blankness."""
+def _horizontal_crease_contrast(both: Picture) -> Picture:
+    """The same for horizontal creases, from an image of red, blue and blankness."""
     red, blue, blank = cv2.split(both)
     good = np.ones(blank.shape, bool)
     for span, least in zip((NEAR, FAR), BLANK, strict=True):
@@ -132,23 +132,23 @@ def _level_steps(both: Picture) -> Picture:
     sign = np.sign(_change(red, NEAR))
     near, far = ([sign * _change(colour, span) for colour in (red, blue)] for span in (NEAR, FAR))
     start = np.mean(NEAR) / (np.mean(FAR) - np.mean(NEAR))
-    at = [one - start * (other - one) for one, other in zip(near, far, strict=True)]  # on the crease itself
+    at = [one - start * (other - one) for one, other in zip(near, far, strict=True)]  # extrapolated to the crease
     least = np.minimum.reduce([*at, *near])
     good &= (least > LIKE * np.maximum(*at)) & (np.minimum(*near) > SHARP * np.maximum(*far))
     step = np.where(good, least, 0).clip(0)
     up, down = np.where(sign > 0, step, 0), np.where(sign > 0, 0, step)
     other = np.where(sign > 0, cv2.dilate(down, LINE), cv2.dilate(up, LINE))
-    step[step <= 2 * other] = 0  # a printed line steps down and up again
+    step[step <= 2 * other] = 0  # a printed line has two opposite steps
     return np.where(step >= cv2.dilate(step, NEXT), step, 0)
 
 
 def _change(colour: Picture, span: tuple[int, int]) -> Picture:
-    """From above a place to below it."""
+    """Difference between the means below and above each pixel."""
     return _beside(colour, span, below=True) - _beside(colour, span)
 
 
 def _beside(colour: Picture, span: tuple[int, int], *, below: bool = False) -> Picture:
-    """Mean over a stretch that runs above or below each place, so many rows off."""
+    """Mean over a window above or below each pixel, `span` rows away."""
     first, last = span
     across = np.zeros(2 * last + 1, np.float32)
     across[last + first :] = 1 / (last + 1 - first)
@@ -157,7 +157,7 @@ def _beside(colour: Picture, span: tuple[int, int], *, below: bool = False) -> P
 
 
 def _length(crease: Bools) -> float:
-    """Sum of the lengths of pieces that are not too short [cells]."""
+    """Total length of crease pieces that are long enough [cells]."""
     joined = cv2.dilate(crease.astype(np.uint8), np.ones((3, 3), np.uint8))
     _, _, stats, _ = cv2.connectedComponentsWithStats(joined)
     length: Floats = np.hypot(stats[1:, cv2.CC_STAT_WIDTH], stats[1:, cv2.CC_STAT_HEIGHT])

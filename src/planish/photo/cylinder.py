@@ -1,9 +1,9 @@
-"""A sheet bent about one direction and seen through a pinhole: the model of a page on a photo.
+"""Generalised cylinder seen by a pinhole camera: the model of a page on a photo.
 
-The camera stands at (0, 0, -1); the sheet passes through the origin, so lengths are in distances of the camera. Before
-it is bent the sheet is the plane (a, b): a runs along the profile (X(a), Z(a)), where X' = cos turn(a) and
-Z' = sin turn(a), so that a is a length of paper; b runs along the straight rulings, which are parallel to y. Lines of
-text run at an angle to a: 0 for a bound book, 90 degrees for a letter folded in three.
+The camera centre is (0, 0, -1) and the sheet passes through the origin: the unit of length is the camera distance. The
+flat sheet has coordinates (a, b). a is arc length along the profile (X(a), Z(a)) with X' = cos angle(a) and
+Z' = sin angle(a); b runs along the straight rulings, parallel to y. Text lines run at an angle to a: 0 in a bound book,
+90 degrees in a letter folded in three.
 """
 
 from __future__ import annotations
@@ -17,123 +17,130 @@ from scipy.interpolate import BSpline
 from planish.types import Bools, Floats
 
 NODES = 257
-"""Of the profile, over the sheet: straight between them, 1/250 of the page apart."""
+"""Nodes of the polygonal profile over the sheet, 1/250 of the page apart."""
 REACH = 0.6
-"""The profile goes on so far beyond its span, in parts of it."""
+"""Length of the profile beyond each end of its span, as a share of the span."""
 STEEPEST = np.radians(80)
-"""The sheet turns no further from the first direction than so; beyond it would hide itself."""
+"""Largest profile angle; a steeper sheet would occlude itself."""
 
 
 @dataclass(frozen=True, eq=False)
 class Cylinder:
-    """A bent sheet and its camera.
+    """A curved sheet and its camera.
 
     Attributes
     ----------
     camera : (2,) float64 [rad]
-        How the camera is turned against the sheet's frame (x right, y down, z away): first about x, then about its own
-        axis. It looks at the ruling through the origin, which is what makes that the origin.
-    lean : float [rad]
+        Camera rotation in the sheet's frame (x right, y down, z away): about x, then about the optical axis, which
+        meets the ruling through the origin.
+    text_angle : float [rad]
         Direction of the lines of text on the sheet, from a towards b.
-    turns : (k,) float64 [rad]
+    angle_coefficients : (k,) float64 [rad]
         Coefficients of the profile's angle, a cubic spline of a.
     span : (float, float)
-        Of a, over which the spline bends; straight beyond.
+        Range of a covered by the spline; the profile is straight beyond.
     focal : float [px]
     centre : (2,) float64 [px]
-        Of the photo.
+        Principal point of the photo.
     """
 
     camera: Floats
-    lean: float
-    turns: Floats
+    text_angle: float
+    angle_coefficients: Floats
     span: tuple[float, float]
     focal: float
     centre: Floats
 
     @property
     def rotation(self) -> Floats:
-        """(3, 3), sheet to camera."""
+        """Rotation from the sheet's frame to the camera's: (3, 3)."""
         (cp, cr), (sp, sr) = np.cos(self.camera), np.sin(self.camera)
         about_x = np.array([[1, 0, 0], [0, cp, -sp], [0, sp, cp]])
         return np.array([[cr, -sr, 0], [sr, cr, 0], [0, 0, 1]]) @ about_x
 
     @property
     def profile(self) -> tuple[Floats, Floats, Floats]:
-        """Nodes: a, X(a), Z(a), a little beyond the span."""
+        """Nodes of the profile: a, X(a), Z(a), extended beyond the span."""
         low, high = self.span
-        place, basis = _nodes(len(self.turns))
-        a = low + place * (high - low)
-        turn = np.clip(basis @ self.turns, -STEEPEST, STEEPEST)
-        middle, step = (turn[1:] + turn[:-1]) / 2, a[1] - a[0]
+        position, basis = _nodes(len(self.angle_coefficients))
+        a = low + position * (high - low)
+        angle = np.clip(basis @ self.angle_coefficients, -STEEPEST, STEEPEST)
+        middle, step = (angle[1:] + angle[:-1]) / 2, a[1] - a[0]
         x, z = (np.concatenate([[0], np.cumsum(part * step)]) for part in (np.cos(middle), np.sin(middle)))
         return a, x - np.interp(0, a, x), z - np.interp(0, a, z)
 
-    def turn(self, a: Floats) -> Floats:
-        """Angle of the profile [rad] at places a."""
-        place, basis = _nodes(len(self.turns))
-        return np.interp((a - self.span[0]) / (self.span[1] - self.span[0]), place, basis @ self.turns)
+    def angle(self, a: Floats) -> Floats:
+        """Angle of the profile [rad] at arc lengths a."""
+        position, basis = _nodes(len(self.angle_coefficients))
+        return np.interp((a - self.span[0]) / (self.span[1] - self.span[0]), position, basis @ self.angle_coefficients)
 
-    def turned_lines(self) -> Floats:
-        """(2, 2): (along, across) of the lines of text = matrix @ (a, b)."""
-        c, s = np.cos(self.lean), np.sin(self.lean)
+    def text_axes(self) -> Floats:
+        """Matrix (2, 2) from (a, b) to (along, across) the text lines."""
+        c, s = np.cos(self.text_angle), np.sin(self.text_angle)
         return np.array([[c, s], [-s, c]])
 
 
 @lru_cache
 def _nodes(count: int) -> tuple[Floats, Floats]:
-    """Places of the profile's nodes, 0 and 1 at the ends of its span, and the splines there: (nodes, count)."""
-    place = np.linspace(-REACH, 1 + REACH, int((1 + 2 * REACH) * NODES))
-    return place, _basis(place, count)
+    """Node positions, 0 and 1 at the ends of the span, and the B-spline basis there: (nodes, count)."""
+    position = np.linspace(-REACH, 1 + REACH, int((1 + 2 * REACH) * NODES))
+    return position, _basis(position, count)
 
 
-def _basis(place: Floats, count: int) -> Floats:
-    """Cubic B-splines on even knots from 0 to 1, constant beyond: (n, count)."""
+def _basis(position: Floats, count: int) -> Floats:
+    """Cubic B-spline basis with uniform knots on 0 to 1, constant beyond: (n, count)."""
     knots = np.concatenate([[0, 0, 0], np.linspace(0, 1, count - 2), [1, 1, 1]])
-    return np.asarray(BSpline(knots, np.eye(count), 3)(np.clip(place, 0, 1)))
+    return np.asarray(BSpline(knots, np.eye(count), 3)(np.clip(position, 0, 1)))
 
 
-def seen_at(sheet: Cylinder, photo_xy: Floats) -> tuple[Floats, Bools]:
-    """Find the places of the sheet that are seen at places of the photo.
+def photo_to_page(cylinder: Cylinder, photo_xy: Floats) -> tuple[Floats, Bools]:
+    """Intersect the rays of photo positions with the sheet.
 
     Parameters
     ----------
-    sheet : Cylinder
+    cylinder : Cylinder
     photo_xy : (n, 2) float64 [photo px]
 
     Returns
     -------
     page : (n, 2) float64
-        Along and across the lines of text, in distances of the camera.
+        Along and across the text lines, in camera distances.
     good : (n,) bool
-        Where the ray meets the sheet.
+        Whether the ray meets the sheet.
     """
-    rays = np.c_[(photo_xy - sheet.centre) / sheet.focal, np.ones(len(photo_xy))] @ sheet.rotation
-    a, x, z = sheet.profile
+    rays = np.c_[(photo_xy - cylinder.centre) / cylinder.focal, np.ones(len(photo_xy))] @ cylinder.rotation
+    a, x, z = cylinder.profile
     forward = z > -0.9
-    sight = np.maximum.accumulate(np.where(forward, x / np.where(forward, z + 1, 1), -np.inf))
+    slope_of_node = np.maximum.accumulate(np.where(forward, x / np.where(forward, z + 1, 1), -np.inf))
     toward = rays[:, 2] > 1e-6
     slope = rays[:, 0] / np.where(toward, rays[:, 2], 1)
-    found = np.interp(slope, sight, a)
+    found = np.interp(slope, slope_of_node, a)
     depth = np.interp(found, a, z) + 1
     b = depth * rays[:, 1] / np.where(toward, rays[:, 2], 1)
-    good = toward & (slope > sight[0]) & (slope < sight[-1])
-    return np.stack([found, b], axis=1) @ sheet.turned_lines().T, good
+    good = toward & (slope > slope_of_node[0]) & (slope < slope_of_node[-1])
+    return np.stack([found, b], axis=1) @ cylinder.text_axes().T, good
 
 
-def in_space(sheet: Cylinder, page: Floats) -> Floats:
-    """Places of the sheet, along and across the lines of text, in the sheet's frame: (n, 3)."""
-    ab = page @ sheet.turned_lines()
-    a, x, z = sheet.profile
+def page_to_space(cylinder: Cylinder, page: Floats) -> Floats:
+    """Map page positions, along and across the text lines, to points (n, 3) in the sheet's frame."""
+    ab = page @ cylinder.text_axes()
+    a, x, z = cylinder.profile
     along = np.clip(ab[:, 0], a[0], a[-1])
-    beyond, turn = ab[:, 0] - along, np.interp(along, a[[0, -1]], np.clip(sheet.turn(a[[0, -1]]), -STEEPEST, STEEPEST))
+    beyond, angle = (
+        ab[:, 0] - along,
+        np.interp(along, a[[0, -1]], np.clip(cylinder.angle(a[[0, -1]]), -STEEPEST, STEEPEST)),
+    )
     return np.stack(
-        [np.interp(along, a, x) + beyond * np.cos(turn), ab[:, 1], np.interp(along, a, z) + beyond * np.sin(turn)],
+        [
+            np.interp(along, a, x) + beyond * np.cos(angle),
+            ab[:, 1],
+            np.interp(along, a, z) + beyond * np.sin(angle),
+        ],
         axis=1,
     )
 
 
-def on_photo(sheet: Cylinder, points: Floats) -> Floats:
-    """Where points (n, 3) of the sheet's frame are seen: (n, 2) [photo px]."""
-    seen = (points + [0, 0, 1]) @ sheet.rotation.T
-    return np.asarray(sheet.centre + sheet.focal * seen[:, :2] / seen[:, 2:])
+def space_to_photo(cylinder: Cylinder, points: Floats) -> Floats:
+    """Project points (n, 3) of the sheet's frame onto the photo: (n, 2) [photo px]."""
+    seen = (points + [0, 0, 1]) @ cylinder.rotation.T
+    return np.asarray(cylinder.centre + cylinder.focal * seen[:, :2] / seen[:, 2:])

@@ -1,4 +1,4 @@
-"""Letters in a picture of ink, and the way in which their lines run."""
+"""Letter boxes in an ink mask, and the direction of text."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from planish.types import Bools, Floats
 
 LEAST_HEIGHT = 4
 MOST_HEIGHT = 1 / 12
-"""Of the picture's long side: larger ink is a picture or a shadow."""
+"""Share of the image's long side; larger components are pictures or shadows."""
 MOST_LETTERS = 30_000
-"""Wallpaper and gravel have more."""
+"""More are texture, such as wallpaper or gravel."""
 NEIGHBOURS = 6
 ACROSS = np.radians(3.0)
-"""Width of the window in which the neighbours' directions are counted."""
+"""Width of the window of the histogram of neighbour directions."""
 
 
 @dataclass(frozen=True, eq=False)
 class Letters:
-    """Boxes around pieces of ink that may be letters, or several that touch.
+    """Bounding boxes of ink components that may be letters, or several touching ones.
 
     Attributes
     ----------
     left, top, right, bottom : (n,) float64 [px]
-        Borders of the pixels: a letter one pixel wide has right - left = 1.
+        Pixel borders: a letter one pixel wide has right - left = 1.
     """
 
     left: Floats
@@ -38,42 +38,41 @@ class Letters:
 
     @property
     def height(self) -> Floats:
-        """Of each box [px]."""
+        """Height of each box [px]."""
         return np.asarray(self.bottom - self.top)
 
     @property
     def middle(self) -> Floats:
-        """Of each box: (n, 2) [px]."""
+        """Centre of each box: (n, 2) [px]."""
         return np.stack([self.left + self.right, self.top + self.bottom], axis=1) / 2
 
-    def only(self, which: Bools | NDArray[np.intp]) -> Letters:
-        """Some of them."""
+    def select(self, which: Bools | NDArray[np.intp]) -> Letters:
+        """Return a subset."""
         return Letters(self.left[which], self.top[which], self.right[which], self.bottom[which])
 
 
-def letters_in(ink: Bools) -> Letters:
-    """Box all ink of a letter's size; dots, accents and punctuation are left out."""
+def find_letters(ink: Bools) -> Letters:
+    """Find components of letter size; dots, accents and punctuation are dropped."""
     _, _, stats, _ = cv2.connectedComponentsWithStats(ink.astype(np.uint8), connectivity=8, ltype=cv2.CV_16U)
     left, top, width, height, area = stats[1:].T.astype(np.float64)
     size = MOST_HEIGHT * max(ink.shape)
     good = (height >= LEAST_HEIGHT) & (height <= size) & (width <= 4 * size) & (area >= 0.08 * width * height)
     good &= (width >= 0.08 * height) & (area >= 6)
-    found = Letters(left, top, left + width, top + height).only(good)
+    found = Letters(left, top, left + width, top + height).select(good)
     if len(found.left) > MOST_LETTERS or len(found.left) <= NEIGHBOURS:
-        return found.only(np.zeros(0, np.intp))
-    return found.only(found.height > 0.5 * _usual_height(found))
+        return found.select(np.zeros(0, np.intp))
+    return found.select(found.height > 0.5 * _usual_height(found))
 
 
-def direction(letters: Letters) -> float:
-    """Angle [rad] of the lines, clockwise from level, between -90 and 90 degrees.
+def text_direction(letters: Letters) -> float:
+    """Angle [rad] of the text lines, clockwise from horizontal, between -90 and 90 degrees.
 
-    Most letters' nearest neighbours are those before and after them in their line (O'Gorman 1993): of the directions
-    to some nearest neighbours the commonest counts.
+    Mode of the directions to nearest neighbours, which mostly lie in the same line (docstrum, O'Gorman 1993).
     """
     middle = letters.middle
     _, near = cKDTree(middle).query(middle, k=min(NEIGHBOURS, len(middle)))
-    way = (middle[near[:, 1:]] - middle[:, None]).reshape(-1, 2)
-    angles = np.sort(np.arctan2(way[:, 1], way[:, 0]) % np.pi)
+    offset = (middle[near[:, 1:]] - middle[:, None]).reshape(-1, 2)
+    angles = np.sort(np.arctan2(offset[:, 1], offset[:, 0]) % np.pi)
     around = np.concatenate([angles, angles + np.pi])
     first = np.searchsorted(around, angles)
     count = np.searchsorted(around, angles + ACROSS) - first
@@ -83,6 +82,6 @@ def direction(letters: Letters) -> float:
 
 
 def _usual_height(letters: Letters) -> Floats:
-    """Median height of the letters nearest to each."""
+    """Median height of the neighbours of each letter."""
     _, near = cKDTree(letters.middle).query(letters.middle, k=min(12, len(letters.left)))
     return np.asarray(np.median(letters.height[near], axis=1))

@@ -1,4 +1,4 @@
-"""Lines of text: letters that stand side by side, and the smooth curve on which they stand."""
+"""Text line detection: letters linked to their neighbours, and a smooth baseline through them."""
 
 from __future__ import annotations
 
@@ -12,56 +12,56 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from planish.geometry.guards import TINY_PX
-from planish.photo.letters import Letters, direction, letters_in
-from planish.photo.look import NEARBY, Look, ink
+from planish.photo.letters import Letters, find_letters, text_direction
+from planish.photo.working_image import NEARBY, WorkingImage, ink_mask
 from planish.types import Floats, Ints
 
 WORD_GAP = 2.2
-"""Widest gap inside a line, in heights of its letters; wider ones are closed when the sheet's shape is known."""
+"""Widest gap within a line, in letter heights; wider ones are closed once the sheet's shape is known."""
 LIKE_HEIGHT = 2.6
-"""Ratio of heights of neighbouring letters."""
+"""Largest ratio of heights of neighbouring letters."""
 OVERLAP = 0.4
-"""Part of its height that a letter shares with its neighbour."""
+"""Least vertical overlap of neighbouring letters, relative to the lower one."""
 FEWEST = 4
-"""Letters in a line."""
-SCRAP = 3
-"""Letters in a word that is text, if it stands beside some."""
+"""Least number of letters in a line."""
+FRAGMENT = 3
+"""Least number of letters in a fragment of text beside other text."""
 STRAIGHT = 0.13
-"""Median distance of a line's letters from its curve, in heights: print has 0.03 to 0.08, leaves on a lawn 0.2."""
+"""Largest median distance of letters from their baseline, in letter heights: print has 0.03 to 0.08, leaves 0.2."""
 LONG = 8
-"""Letters in a line that is asked whether it stands on its head."""
-SUREST = 3.0
-"""Standard deviations: figures and capitals, which are as straight above as below, may all err to the same side."""
-HELD_UPRIGHT = 1.3
-"""The same that says: of ten documents photographed nine are not upside down."""
+"""Least number of letters in a line that votes on orientation."""
+MAX_SIGMA = 3.0
+"""Limit of the score [standard deviations]: errors of digits and capitals, straight on both sides, are correlated."""
+UPRIGHT_PRIOR = 1.3
+"""Prior [standard deviations]: nine of ten photographed documents are not upside down."""
 LEVEL = np.radians(8)
-"""Text that leans by more is turned before its lines are sought."""
+"""Text with a larger skew is rotated before its lines are detected."""
 
 
 @dataclass(frozen=True, eq=False)
 class TextLines:
-    """Places on the baselines of lines of text, on the photo.
+    """Positions on the baselines of text lines, on the photo.
 
     Attributes
     ----------
     photo_xy : (n, 2) float64 [photo px]
-        Foot of a letter, on its baseline.
+        Base point of each letter.
     line : (n,) int32
-        Which line it belongs to; lines count from 0, letters in a line from left to right.
+        Its line, from 0; letters of a line are ordered from left to right.
     height : (lines,) float64 [photo px]
-        Median height of the lines' letters.
+        Median letter height of each line.
     ends : (lines, 2, 2) float64 [photo px]
-        Where the line begins and ends.
+        Beginning and end of each line.
     angle : float [rad]
-        Direction of the lines on the photo, clockwise from level.
+        Direction of the lines on the photo, clockwise from horizontal.
     upright : float
-        How sure it is that they do not run the other way [standard deviations].
+        Confidence that they are not upside down [standard deviations].
     straightness : float
-        Median distance of the letters from their lines' curves, in heights.
-    paper : (lines,) float64
-        Mean grey around the lines' letters, 0 to 255.
-    scraps : (k, 2, 2) float64 [photo px]
-        Where all that may be text begins and ends, also what is too short to tell a line.
+        Median distance of letters from their baselines, in letter heights.
+    paper_level : (lines,) float64
+        Mean grey around the letters of each line, 0 to 255.
+    fragments : (k, 2, 2) float64 [photo px]
+        Beginning and end of everything that may be text, including what is too short for a line.
     """
 
     photo_xy: Floats
@@ -71,53 +71,53 @@ class TextLines:
     angle: float
     upright: float
     straightness: float
-    paper: Floats
-    scraps: Floats
+    paper_level: Floats
+    fragments: Floats
 
 
-def text_lines(look: Look) -> TextLines | None:
-    """Find the lines of text on a photo, at any angle; None where there are too few letters to look at.
+def find_text_lines(image: WorkingImage) -> TextLines | None:
+    """Detect text lines at any angle; None if there are too few letters.
 
-    Letters stand on a line; their heads do not all reach one. What is straighter is taken for their feet, unless it is
-    hardly straighter and the photo would be upside down.
+    Letters share a baseline, but their tops do not line up. The straighter edge is taken as the baseline, with a prior
+    against upside-down photos.
     """
-    turned, angle, letters = _levelled(look)
+    rotated, angle, letters = _deskewed(image)
     if letters is None:
         return None
-    scraps = [chain for chain in _chains(letters) if len(chain) >= SCRAP]
-    chains = [chain for chain in scraps if len(chain) >= FEWEST]
-    upright = _standing(letters, chains) + HELD_UPRIGHT * float(np.cos(angle))
+    fragments = [chain for chain in _link_letters(letters) if len(chain) >= FRAGMENT]
+    chains = [chain for chain in fragments if len(chain) >= FEWEST]
+    upright = _upright_score(letters, chains) + UPRIGHT_PRIOR * float(np.cos(angle))
     if upright < 0:
-        letters, chains = _upside_down(letters, turned.grey.shape), [chain[::-1] for chain in chains]
-        scraps = [chain[::-1] for chain in scraps]
-        turned, angle = turned.turned(np.pi), angle + np.pi
-    return _gathered(turned, letters, chains, scraps, angle, abs(upright))
+        letters, chains = _rotated_half_turn(letters, rotated.grey.shape), [chain[::-1] for chain in chains]
+        fragments = [chain[::-1] for chain in fragments]
+        rotated, angle = rotated.rotated(np.pi), angle + np.pi
+    return _collect(rotated, letters, chains, fragments, angle, abs(upright))
 
 
-def _upside_down(letters: Letters, shape_rc: tuple[int, ...]) -> Letters:
-    """The boxes in the picture turned by half, see `Look.turned`."""
+def _rotated_half_turn(letters: Letters, shape_rc: tuple[int, ...]) -> Letters:
+    """The boxes after a half turn of the image, see `WorkingImage.rotated`."""
     rows, cols = (n + 1 for n in shape_rc[:2])
     return Letters(cols - letters.right, rows - letters.bottom, cols - letters.left, rows - letters.top)
 
 
-def _levelled(look: Look) -> tuple[Look, float, Letters | None]:
-    """The picture with its text about level, by how much it leant, and its letters."""
-    letters = letters_in(ink(look.grey))
+def _deskewed(image: WorkingImage) -> tuple[WorkingImage, float, Letters | None]:
+    """The deskewed image, its skew angle and its letters."""
+    letters = find_letters(ink_mask(image.grey))
     if len(letters.left) < 2 * FEWEST:
-        return look, 0.0, None
-    angle = direction(letters)
+        return image, 0.0, None
+    angle = text_direction(letters)
     if abs(angle) < LEVEL:
-        return look, angle, letters
-    turned = look.turned(-angle)
-    letters = letters_in(ink(turned.grey))
-    return turned, angle, letters if len(letters.left) >= 2 * FEWEST else None
+        return image, angle, letters
+    rotated = image.rotated(-angle)
+    letters = find_letters(ink_mask(rotated.grey))
+    return rotated, angle, letters if len(letters.left) >= 2 * FEWEST else None
 
 
-def _chains(letters: Letters) -> list[Ints]:
-    """Letters that are each other's nearest to the right and to the left, in order."""
+def _link_letters(letters: Letters) -> list[Ints]:
+    """Link letters that are mutual nearest neighbours to the right and left; return the chains, in order."""
     count = len(letters.left)
     height, middle = letters.height, letters.middle
-    squeezed = middle * [1.0, 2.5]  # neighbours to the side come before those above and below
+    squeezed = middle * [1.0, 2.5]  # prefers neighbours to the side over those above and below
     _, near = cKDTree(squeezed).query(squeezed, k=min(10, count))
     one, other = np.repeat(np.arange(count), near.shape[1]), near.ravel()
     gap = letters.left[other] - letters.right[one]
@@ -137,55 +137,57 @@ def _chains(letters: Letters) -> list[Ints]:
 
 
 def _nearest(one: Ints, other: Ints, gap: Floats, count: int) -> Ints:
-    """For each of `one` the `other` with the least gap; -1 where there is none."""
+    """For each of `one` the `other` with the smallest gap; -1 if there is none."""
     order = np.argsort(-gap, kind="stable")
     found = np.full(count, -1, np.int32)
-    found[one[order]] = other[order]  # the last one written has the least gap
+    found[one[order]] = other[order]  # the last assignment has the smallest gap
     return found
 
 
-def _feet(letters: Letters, chain: Ints) -> tuple[Floats, float]:
-    """Weights (k,) of a chain's letters, 0 for those that do not stand on its baseline, and how far off it is usual."""
-    return _stand(letters.middle[chain, 0], letters.bottom[chain], float(np.median(letters.height[chain])))
+def _baseline_weights(letters: Letters, chain: Ints) -> tuple[Floats, float]:
+    """Weights (k,) of a chain's letters, 0 for those off its baseline, and their median residual [letter heights]."""
+    return _fit_baseline(letters.middle[chain, 0], letters.bottom[chain], float(np.median(letters.height[chain])))
 
 
-def _stand(x: Floats, y: Floats, height: float) -> tuple[Floats, float]:
+def _fit_baseline(x: Floats, y: Floats, height: float) -> tuple[Floats, float]:
     t = (x - x.mean()) / max(float(np.ptp(x)), TINY_PX)
     powers = t[:, None] ** np.arange(1 + min(3, max(1, len(x) // 6)))
     weight = np.ones(len(x))
     for scale in (0.4, 0.25, 0.15, 0.15):
         root = np.sqrt(weight)[:, None]
-        off = y - powers @ np.linalg.lstsq(powers * root, y * root[:, 0], rcond=None)[0]
-        weight = np.clip(1 - (off / (2 * scale * height)) ** 2, 0, 1) ** 2 + 1e-3
-    return np.where(np.abs(off) < 0.15 * height, weight, 0.0), float(np.median(np.abs(off))) / height
+        residual = y - powers @ np.linalg.lstsq(powers * root, y * root[:, 0], rcond=None)[0]
+        weight = np.clip(1 - (residual / (2 * scale * height)) ** 2, 0, 1) ** 2 + 1e-3
+    return np.where(np.abs(residual) < 0.15 * height, weight, 0.0), float(np.median(np.abs(residual))) / height
 
 
-def _standing(letters: Letters, chains: list[Ints]) -> float:
-    """How much straighter lines are along their letters' feet than along their heads, in standard deviations."""
+def _upright_score(letters: Letters, chains: list[Ints]) -> float:
+    """How much straighter letter bottoms are than letter tops [standard deviations]."""
     long = [chain for chain in chains if len(chain) >= LONG]
     if len(long) < 2:
         return 0.0
-    off = np.array([[_off_line(letters, chain, edge) for edge in (letters.top, letters.bottom)] for chain in long])
+    residual = np.array(
+        [[_baseline_residual(letters, chain, edge) for edge in (letters.top, letters.bottom)] for chain in long]
+    )
     weight = np.array([len(chain) for chain in long])
-    straighter = off[:, 0] - off[:, 1]
+    straighter = residual[:, 0] - residual[:, 1]
     mean = float(np.average(straighter, weights=weight))
-    doubt = float(np.sqrt(np.average((straighter - mean) ** 2, weights=weight) / len(long)))
-    return float(np.clip(mean / max(doubt, 1e-3), -SUREST, SUREST))
+    sigma = float(np.sqrt(np.average((straighter - mean) ** 2, weights=weight) / len(long)))
+    return float(np.clip(mean / max(sigma, 1e-3), -MAX_SIGMA, MAX_SIGMA))
 
 
-def _off_line(letters: Letters, chain: Ints, edge: Floats) -> float:
-    """How far the letters' feet, or heads, usually are off a smooth line, in their heights."""
-    return _stand(letters.middle[chain, 0], edge[chain], float(np.median(letters.height[chain])))[1]
+def _baseline_residual(letters: Letters, chain: Ints, edge: Floats) -> float:
+    """Median distance of letter bottoms, or tops, from a smooth curve [letter heights]."""
+    return _fit_baseline(letters.middle[chain, 0], edge[chain], float(np.median(letters.height[chain])))[1]
 
 
-def _gathered(
-    look: Look, letters: Letters, chains: list[Ints], scraps: list[Ints], angle: float, upright: float
+def _collect(
+    image: WorkingImage, letters: Letters, chains: list[Ints], fragments: list[Ints], angle: float, upright: float
 ) -> TextLines | None:
-    stands = [_feet(letters, chain) for chain in chains]
+    stands = [_baseline_weights(letters, chain) for chain in chains]
     kept = [
         (chain, weight > 0)
-        for chain, (weight, off) in zip(chains, stands, strict=True)
-        if off < STRAIGHT and (weight > 0).sum() >= FEWEST - 1
+        for chain, (weight, residual) in zip(chains, stands, strict=True)
+        if residual < STRAIGHT and (weight > 0).sum() >= FEWEST - 1
     ]
     if not kept:
         return None
@@ -195,21 +197,21 @@ def _gathered(
         for (c, _), xy in zip(kept, feet, strict=True)
     ]
     short = [
-        [[letters.left[c[0]], letters.bottom[c[0]]], [letters.right[c[-1]], letters.bottom[c[-1]]]] for c in scraps
+        [[letters.left[c[0]], letters.bottom[c[0]]], [letters.right[c[-1]], letters.bottom[c[-1]]]] for c in fragments
     ]
-    off = np.concatenate([np.full(len(c), o) for c, (_, o) in zip(chains, stands, strict=True)])
-    side = int(max(look.grey.shape) * NEARBY) | 1
-    level = np.asarray(cv2.blur(look.grey, (side, side)), np.uint8)
+    residual = np.concatenate([np.full(len(c), o) for c, (_, o) in zip(chains, stands, strict=True)])
+    side = int(max(image.grey.shape) * NEARBY) | 1
+    level = np.asarray(cv2.blur(image.grey, (side, side)), np.uint8)
     return TextLines(
-        photo_xy=look.on_photo(np.concatenate(feet)),
+        photo_xy=image.to_photo_xy(np.concatenate(feet)),
         line=np.repeat(np.arange(len(feet), dtype=np.int32), [len(xy) for xy in feet]),
-        height=np.array([np.median(letters.height[c]) for c, _ in kept]) * look.px,
-        ends=look.on_photo(np.array(ends).reshape(-1, 2)).reshape(-1, 2, 2),
+        height=np.array([np.median(letters.height[c]) for c, _ in kept]) * image.pixel_size,
+        ends=image.to_photo_xy(np.array(ends).reshape(-1, 2)).reshape(-1, 2, 2),
         angle=angle,
         upright=upright,
-        straightness=float(np.median(off)),
-        paper=np.array([_median_at(level, xy) for xy in feet]),
-        scraps=look.on_photo(np.array(short).reshape(-1, 2)).reshape(-1, 2, 2),
+        straightness=float(np.median(residual)),
+        paper_level=np.array([_median_at(level, xy) for xy in feet]),
+        fragments=image.to_photo_xy(np.array(short).reshape(-1, 2)).reshape(-1, 2, 2),
     )
 
 

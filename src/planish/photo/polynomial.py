@@ -1,8 +1,8 @@
-"""Lines of text straightened one by one: polynomial regression (Zhang and Tan 2003), to compare with.
+"""Straighten text lines one by one by polynomial regression (Zhang and Tan 2003): a baseline for comparison.
 
-A polynomial is fitted to each line's letters, and what stands on it is moved up or down to a straight line. Nothing is
-known of space: letters that lean away stay narrow, and the paper's length along the lines is not made good. The
-original moved every word by itself; here the shift is carried on between the lines, so that pictures move with them.
+A polynomial is fitted to the letters of each line, and the line is shifted vertically onto a straight one. There is no
+3D model: foreshortened letters stay narrow and lengths along the lines are not corrected. The original moves each word
+separately; here the shift is interpolated between lines, so that pictures move with them.
 """
 
 from __future__ import annotations
@@ -11,34 +11,34 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planish.photo.bent import Bent
-from planish.photo.cylinder import seen_at
-from planish.photo.fit import Fitted, start
+from planish.photo.cylinder import photo_to_page
+from planish.photo.fit import CylinderFit, start
+from planish.photo.fitted_sheet import FittedSheet
+from planish.photo.line_grouping import line_observations
 from planish.photo.lines import TextLines
-from planish.photo.rows import evidence_of
 from planish.types import Floats
 
 DEGREE = 3
 PER_NUMBER = 6
-"""Letters for every number of a line's polynomial."""
+"""Letters per coefficient of a line's polynomial."""
 AROUND = 3.0
-"""Paper drawn around the text, in heights of its letters."""
+"""Margin drawn around the text, in letter heights."""
 
 
 @dataclass(frozen=True, eq=False)
-class LineShift:
-    """Shift up and down that makes every line straight; linear between lines, constant beyond.
+class LineWarp:
+    """Vertical shift that straightens every line; linear between lines, constant beyond.
 
     Attributes
     ----------
     low, high : (2,) float64
-        Corners of the page, along and across its lines.
+        Corners of the page, along and across the text lines.
     level : (lines,) float64
-        Where each line is to lie, in order.
+        Target position of each line, in order.
     curves : (lines, 4) float64
-        Polynomials of the place along the line, highest power first.
+        Polynomials of the position along the line, highest power first.
     reach : (lines, 2) float64
-        Where each line begins and ends.
+        Beginning and end of each line.
     """
 
     low: Floats
@@ -47,45 +47,47 @@ class LineShift:
     curves: Floats
     reach: Floats
 
-    def undone(self, true: Floats) -> Floats:
-        """Places of the flat photo that are shifted to given ones: (n, 2)."""
-        along, which = np.unique(true[:, 0], return_inverse=True)
+    def inverse(self, page_xy: Floats) -> Floats:
+        """Map page positions (n, 2) to positions on the flat photo."""
+        along, which = np.unique(page_xy[:, 0], return_inverse=True)
         held = np.clip(along, self.reach[:, :1], self.reach[:, 1:])
         powers = held[..., None] ** np.arange(DEGREE, -1, -1)
         seen = np.maximum.accumulate((powers * self.curves[:, None]).sum(axis=2), axis=0)
-        page = true.copy()
+        page = page_xy.copy()
         for k in range(len(along)):
             here = which == k
-            page[here, 1] += np.interp(true[here, 1], self.level, seen[:, k] - self.level)
+            page[here, 1] += np.interp(page_xy[here, 1], self.level, seen[:, k] - self.level)
         return page
 
 
-def from_polynomials(lines: TextLines, focal: float, centre: Floats) -> Bent:
-    """Straighten the lines of text of a photo that is otherwise taken to be flat."""
-    evidence = evidence_of(lines)
-    sheet = start(evidence, lines.angle, focal, centre, across=False)
-    page, _ = seen_at(sheet, evidence.photo_xy)
-    ends = seen_at(sheet, lines.ends.reshape(-1, 2))[0].reshape(-1, 2, 2)
+def from_polynomials(lines: TextLines, focal: float, centre: Floats) -> FittedSheet:
+    """Straighten the text lines of a photo, assuming a flat sheet otherwise."""
+    observations = line_observations(lines)
+    cylinder = start(observations, lines.angle, focal, centre, across=False)
+    page, _ = photo_to_page(cylinder, observations.photo_xy)
+    ends = photo_to_page(cylinder, lines.ends.reshape(-1, 2))[0].reshape(-1, 2, 2)
     count = len(lines.height)
-    places = [page[evidence.group == k] for k in range(count)]
-    curves = np.array([_curve(xy) for xy in places])
-    level = np.array([float(np.mean(np.polyval(c, xy[:, 0]))) for c, xy in zip(curves, places, strict=True)])
+    positions = [page[observations.group == k] for k in range(count)]
+    curves = np.array([_curve(xy) for xy in positions])
+    level = np.array([float(np.mean(np.polyval(c, xy[:, 0]))) for c, xy in zip(curves, positions, strict=True)])
     order = np.argsort(level)
     height = AROUND * float(np.median(lines.height)) / focal
-    shift = LineShift(
+    warp = LineWarp(
         ends.min(axis=(0, 1)) - height,
         ends.max(axis=(0, 1)) + height,
         level[order],
         curves[order],
         np.sort(ends[order, :, 0], axis=1),
     )
-    off = np.concatenate([xy[:, 1] - np.polyval(c, xy[:, 0]) for c, xy in zip(curves, places, strict=True)]) * focal
-    flat = (page[:, 1] - level[evidence.group]) * focal
-    fitted = Fitted(sheet, page, flat, np.ones(len(page)), level, 0.0)
-    return Bent(sheet, shift, fitted, evidence, off, bordered=False)
+    residual = (
+        np.concatenate([xy[:, 1] - np.polyval(c, xy[:, 0]) for c, xy in zip(curves, positions, strict=True)]) * focal
+    )
+    flat = (page[:, 1] - level[observations.group]) * focal
+    fitted = CylinderFit(cylinder, page, flat, np.ones(len(page)), level, 0.0)
+    return FittedSheet(cylinder, warp, fitted, observations, residual, bordered=False)
 
 
 def _curve(xy: Floats) -> Floats:
-    """Coefficients of a line's polynomial, of as many powers as it has letters for."""
+    """Polynomial coefficients of a line; the degree depends on its number of letters."""
     degree = min(DEGREE, max(1, len(xy) // PER_NUMBER))
     return np.concatenate([np.zeros(DEGREE - degree), np.polyfit(xy[:, 0], xy[:, 1], degree)])

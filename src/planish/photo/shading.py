@@ -1,13 +1,13 @@
-"""The profile of a page of uniform cross-section from the brightness of its blank paper.
+"""Shape from shading: the profile of a page of uniform cross-section from the brightness of its blank paper.
 
-Shape from shading under a near light (Wada, Ukida and Matsuyama 1997; Zhang, Tan and others 2004): paper that is bent
-in one direction only, sends light back alike to all sides and has one colour is the brighter the more it faces the lamp
-and the nearer it is,
+Near-light model (Wada, Ukida and Matsuyama 1997; Zhang, Tan and others 2004). Matte paper of one colour, bent in one
+direction only, has the brightness
 
     I = paper (ambient + (1 - ambient) max(n . l, 0) (d0 / d)^2),
 
-so its brightness along the profile gives the profile's angle. They knew the lamp's place from their set-up; a photo
-does not tell it, so it is fitted too: how brightness falls off along the straight rulings shows where the lamp stands.
+where l points to the lamp at distance d, so brightness along the profile gives the profile's angle. In the cited work
+the lamp position is known from the set-up; here it is fitted too, from the fall-off of brightness along the straight
+rulings. The formula is that of `planish.illumination.lamp_model`.
 """
 
 from __future__ import annotations
@@ -23,102 +23,104 @@ from planish.color import LUMINANCE, linear_light
 from planish.errors import InputError
 from planish.geometry.guards import TINY_SHARE
 from planish.illumination.lamp_model import Light
-from planish.photo.bent import Bent
 from planish.photo.borders import Borders
-from planish.photo.cylinder import STEEPEST, Cylinder, in_space, seen_at
-from planish.photo.fit import TILT, Evidence, Fitted, misfit, nothing, start
-from planish.photo.free import no_shift
+from planish.photo.cylinder import STEEPEST, Cylinder, page_to_space, photo_to_page
+from planish.photo.fit import TILT, CylinderFit, Observations, no_observations, residuals_of, start
+from planish.photo.fitted_sheet import FittedSheet
+from planish.photo.residual_warp import identity_warp
 from planish.types import Floats, Pixels
 
 CELLS = 48
-"""Along the photo's long side: each shows some blank paper between lines of text."""
+"""Cells along the photo's long side: large enough that each contains blank paper between lines of text."""
 BRIGHTER_PART = 90
-"""Percentile of a cell's brightness that is its paper's."""
+"""Percentile of a cell's brightness taken as that of its paper."""
 GREY = 0.015
-"""Usual unevenness of paper [log of brightness]."""
+"""Standard deviation of the brightness of paper [log]."""
 INDEPENDENT = 400.0
-"""So many cells' worth all cells count."""
+"""Effective number of independent cells: residuals of neighbours are correlated."""
 DARKER = (0.5, 0.2, 0.1, 0.06)
-"""How far below the fit [log] a cell counts as print, from the first round on."""
+"""Scale of the robust loss for cells darker than the fit (print) [log], one value per round."""
 SMOOTH = 0.12
-"""Usual second difference of the profile's numbers [rad]."""
+"""Prior standard deviation of second differences of the profile's coefficients [rad]."""
 RULINGS = 40
-"""That the brightest cells are looked for along, before all count."""
+"""Number of strips along the rulings; the first round uses only the brightest cells of each."""
 LEAST_PAPER = 0.3
-"""Of the sheet's cells that must be blank paper by the fit."""
+"""Least share of the sheet's cells that must be blank paper."""
 UNEVEN = 0.012
-"""Rms misfit of those [log], from which on the sheet is not of uniform cross-section, or not evenly coloured."""
+"""Largest rms residual of these cells [log] of a sheet of uniform cross-section and even colour."""
 LAMPS = ((0.0, 0.0, -1.0), (0.4, 0.0, -0.8), (-0.4, 0.0, -0.8), (0.0, 0.4, -0.8), (0.0, -0.4, -0.8))
 BOWS = (-0.4, 0.0, 0.4)
-"""Lamps and profiles to start from: flat, hollow and bulging."""
+"""Initial lamps and profiles of the fit: flat, concave and convex."""
 RIM = 0.03
-"""Part of the sheet along its borders that is left out."""
+"""Share of the sheet along its borders that is ignored."""
 
 
 @dataclass(frozen=True, eq=False)
-class Lit:
-    """A sheet and the lamp over it.
+class LitSheet:
+    """A curved sheet and the lamp above it.
 
     Attributes
     ----------
-    sheet : Cylinder
+    cylinder : Cylinder
     lamp : (3,) float64
         In the sheet's frame, in distances of the camera.
     ambient : float
-        Share of the light that comes from all around.
-    paper : float
+        Share of ambient light.
+    paper_level : float
         Log of the paper's brightness where the lamp is nearest the origin.
     """
 
-    sheet: Cylinder
+    cylinder: Cylinder
     lamp: Floats
     ambient: float
-    paper: float
+    paper_level: float
 
     def log_brightness(self, page: Floats) -> Floats:
-        """Of blank paper at places (n, 2) along and across the sheet's lines."""
-        along = (page @ self.sheet.turned_lines())[:, 0]
-        turn = np.clip(self.sheet.turn(along), -STEEPEST, STEEPEST)
-        normals = np.column_stack([np.sin(turn), np.zeros(len(turn)), -np.cos(turn)])
+        """Log brightness of blank paper at page positions (n, 2), along and across the text lines."""
+        along = (page @ self.cylinder.text_axes())[:, 0]
+        angle = np.clip(self.cylinder.angle(along), -STEEPEST, STEEPEST)
+        normals = np.column_stack([np.sin(angle), np.zeros(len(angle)), -np.cos(angle)])
         logit = np.log(self.ambient / (1 - self.ambient))
         no_sky_no_vignetting = 0.0, 0.0, 0.0, -np.inf
-        light = Light(np.zeros(3), 1.0, np.array([*self.lamp, self.paper, logit, *no_sky_no_vignetting]))
-        return light.log_brightness(in_space(self.sheet, page), normals, np.zeros(len(turn)))
+        light = Light(np.zeros(3), 1.0, np.array([*self.lamp, self.paper_level, logit, *no_sky_no_vignetting]))
+        return light.log_brightness(page_to_space(self.cylinder, page), normals, np.zeros(len(angle)))
 
 
-def from_shading(photo: Pixels, borders: Borders, focal: float, centre: Floats) -> Bent:
-    """Find the profile of a sheet from its shade, and its place from its corners and straight sides.
+def from_shading(photo: Pixels, borders: Borders, focal: float, centre: Floats) -> FittedSheet:
+    """Fit the profile of a sheet to its shading, and its pose to its corners and straight sides.
 
     Raises
     ------
     InputError
-        Where too little of the sheet is blank paper, or its brightness is not that of a sheet bent in one direction.
+        If too little of the sheet is blank paper, or its brightness does not fit a sheet bent in one direction.
     """
     sides = _corners_and_sides(borders)
     xy, log = _paper(photo, borders)
     starts = [
-        _lit(start(sides, borders.angle, focal, centre, across=False), lamp, bow) for lamp in LAMPS for bow in BOWS
+        _start_model(start(sides, borders.angle, focal, centre, across=False), lamp, bow)
+        for lamp in LAMPS
+        for bow in BOWS
     ]
-    few = _brightest(seen_at(starts[0].sheet, xy)[0][:, 0], log)
-    tries = sorted((_round(lit, sides, xy[few], log[few], DARKER[0], 20) for lit in starts), key=lambda one: one[1])
-    best = [lit for lit, _ in tries[:3]]
+    few = _brightest(photo_to_page(starts[0].cylinder, xy)[0][:, 0], log)
+    tries = sorted((_round(model, sides, xy[few], log[few], DARKER[0], 20) for model in starts), key=lambda one: one[1])
+    best = [model for model, _ in tries[:3]]
     for darker in DARKER[1:]:
-        rounds = sorted((_round(lit, sides, xy, log, darker, 20) for lit in best), key=lambda one: one[1])
-        best = [lit for lit, _ in rounds[:2]]
-    lit = best[0]
-    off = log - lit.log_brightness(seen_at(lit.sheet, xy)[0])
-    uneven = _checked(off)
+        rounds = sorted((_round(model, sides, xy, log, darker, 20) for model in best), key=lambda one: one[1])
+        best = [model for model, _ in rounds[:2]]
+    model = best[0]
+    residual = log - model.log_brightness(photo_to_page(model.cylinder, xy)[0])
+    uneven = _check_brightness(residual)
     weight = np.ones(len(sides.photo_xy))
-    off_px, page, place = misfit(lit.sheet, sides, weight, focal)
+    residual_px, page, position = residuals_of(model.cylinder, sides, weight, focal)
     assert sides.sides is not None
-    top, right, bottom, left = place[sides.sides]
-    fitted = Fitted(lit.sheet, page, off_px, weight, place, rounds[0][1])
-    shift = no_shift(np.array([left, top]), np.array([right, bottom]))
-    return Bent(lit.sheet, shift, fitted, sides, off_px, bordered=True, shade=uneven)
+    top, right, bottom, left = position[sides.sides]
+    fitted = CylinderFit(model.cylinder, page, residual_px, weight, position, rounds[0][1])
+    warp = identity_warp(np.array([left, top]), np.array([right, bottom]))
+    return FittedSheet(model.cylinder, warp, fitted, sides, residual_px, bordered=True, shade=uneven)
 
 
 def _brightest(along: Floats, log: Floats) -> NDArray[np.intp]:
-    """Of the cells on each ruling some of the brightest: blank paper, even where a picture fills half of the page."""
+    """Select some of the brightest cells of each strip: blank paper even where a picture fills half of the page."""
     ruling = np.floor((along - along.min()) / (np.ptp(along) + TINY_SHARE) * RULINGS).astype(int)
     order = np.lexsort((-log, ruling))
     first = np.searchsorted(ruling[order], ruling[order])
@@ -127,21 +129,26 @@ def _brightest(along: Floats, log: Floats) -> NDArray[np.intp]:
     return order[(rank > 0.03) & (rank < 0.2)]
 
 
-def _lit(sheet: Cylinder, lamp: tuple[float, float, float], bow: float) -> Lit:
-    return Lit(replace(sheet, turns=bow * np.linspace(-1, 1, len(sheet.turns))), np.array(lamp), 0.3, 0.0)
+def _start_model(sheet: Cylinder, lamp: tuple[float, float, float], bow: float) -> LitSheet:
+    return LitSheet(
+        replace(sheet, angle_coefficients=bow * np.linspace(-1, 1, len(sheet.angle_coefficients))),
+        np.array(lamp),
+        0.3,
+        0.0,
+    )
 
 
-def _checked(off: Floats) -> float:
-    """Rms misfit of the blank paper [log], where it is that of a sheet bent in one direction."""
-    paper = np.abs(off) < DARKER[-1]
-    if paper.mean() < LEAST_PAPER:
+def _check_brightness(residual: Floats) -> float:
+    """Return the rms residual of the blank paper [log]; refuse sheets that the model does not fit."""
+    is_paper = np.abs(residual) < DARKER[-1]
+    if is_paper.mean() < LEAST_PAPER:
         raise InputError(
-            f"only {100 * paper.mean():.0f} % of the sheet are blank paper as bright as a sheet bent in one direction "
-            "would be; a folded or crumpled sheet, a shadow that falls on it, or print all over cannot be found from "
-            "shade",
+            f"only {100 * is_paper.mean():.0f} % of the sheet is blank paper as bright as a sheet bent in one direction "
+            "would be; shape from shading does not work on folded or crumpled sheets, under cast shadows or where "
+            "print covers the page",
             "use {shape=auto}, or a 3D scan",
         )
-    uneven = float(np.sqrt(np.mean(off[paper] ** 2)))
+    uneven = float(np.sqrt(np.mean(residual[is_paper] ** 2)))
     if uneven > UNEVEN:
         raise InputError(
             f"the blank paper's brightness is {100 * uneven:.1f} % off that of a sheet bent in one direction (at most "
@@ -151,18 +158,18 @@ def _checked(off: Floats) -> float:
     return uneven
 
 
-def _corners_and_sides(borders: Borders) -> Evidence:
-    """Left and right sides, which are straight rulings, and the ends of top and bottom."""
-    evidence = nothing()
+def _corners_and_sides(borders: Borders) -> Observations:
+    """Observations of the left and right sides, which are straight rulings, and of the ends of top and bottom."""
+    observations = no_observations()
     ends = np.r_[0:3, -3:0]
     for k, side in enumerate(borders.sides):
-        places = side if k % 2 else side[ends]
-        evidence = evidence.and_also(places, upright=k % 2 == 1, doubt_px=borders.doubt_px)
-    return replace(evidence, sides=np.arange(4, dtype=np.int32))
+        positions = side if k % 2 else side[ends]
+        observations = observations.with_group(positions, upright=k % 2 == 1, sigma_px=borders.sigma_px)
+    return replace(observations, sides=np.arange(4, dtype=np.int32))
 
 
 def _paper(photo: Pixels, borders: Borders) -> tuple[Floats, Floats]:
-    """Middles of the sheet's cells on the photo (n, 2) [px], and the log of their paper's brightness."""
+    """Centres of the sheet's cells on the photo (n, 2) [px] and the log brightness of their paper (n,)."""
     side = max(1, max(photo.shape[:2]) // CELLS)
     step = max(1, side // 12)
     rows, cols = (n // side for n in photo.shape[:2])
@@ -182,33 +189,46 @@ def _paper(photo: Pixels, borders: Borders) -> tuple[Floats, Floats]:
     return xy[inside], np.log(bright[inside])
 
 
-def _round(lit: Lit, sides: Evidence, xy: Floats, log: Floats, darker: float, steps: int) -> tuple[Lit, float]:
-    """Fit with what is darker by more than so much counting less (Black and Rangarajan 1996)."""
-    sheet = lit.sheet
-    alone = np.sqrt(INDEPENDENT / len(xy)) / GREY
+def _round(
+    model: LitSheet, sides: Observations, xy: Floats, log: Floats, darker: float, steps: int
+) -> tuple[LitSheet, float]:
+    """Run a round of robust least squares; cells darker by `darker` lose weight (Black and Rangarajan 1996)."""
+    sheet = model.cylinder
+    group_weight = np.sqrt(INDEPENDENT / len(xy)) / GREY
 
-    def made(numbers: Floats) -> Lit:
-        camera, turns = numbers[:2], numbers[7:]
-        ambient = 1 / (1 + np.exp(-numbers[5]))
-        lamp = np.array([numbers[2], numbers[3], -np.exp(numbers[4])])  # always on the camera's side
-        return Lit(replace(sheet, camera=camera, turns=turns), lamp, float(ambient), float(numbers[6]))
-
-    def residuals(numbers: Floats) -> Floats:
-        now = made(numbers)
-        page, good = seen_at(now.sheet, xy)
-        off = np.where(good, log - now.log_brightness(page), 1.0)
-        dark = off / np.sqrt(1 + (off / np.where(off < 0, darker, 2 * darker)) ** 2)
-        at_sides, _, _ = misfit(now.sheet, sides, np.ones(len(sides.photo_xy)), sheet.focal)
-        prior = np.concatenate(
-            [numbers[:1] / TILT, numbers[2:4] / 2, numbers[4:5], (numbers[5:6] + 1) / 1.5, numbers[7:]]
+    def model_at(parameters: Floats) -> LitSheet:
+        camera, angle_coefficients = parameters[:2], parameters[7:]
+        ambient = 1 / (1 + np.exp(-parameters[5]))
+        lamp = np.array([parameters[2], parameters[3], -np.exp(parameters[4])])  # always on the camera's side
+        return LitSheet(
+            replace(sheet, camera=camera, angle_coefficients=angle_coefficients),
+            lamp,
+            float(ambient),
+            float(parameters[6]),
         )
-        bends = np.diff(numbers[7:], 2) / SMOOTH
-        return np.concatenate([alone * dark, at_sides / sides.doubt_px[sides.group], prior, bends])
 
-    ambient = np.log(lit.ambient / (1 - lit.ambient))
-    level = float(np.quantile(log, 0.8)) if lit.paper == 0 else lit.paper
+    def residuals(parameters: Floats) -> Floats:
+        model = model_at(parameters)
+        page, good = photo_to_page(model.cylinder, xy)
+        residual = np.where(good, log - model.log_brightness(page), 1.0)
+        dark = residual / np.sqrt(1 + (residual / np.where(residual < 0, darker, 2 * darker)) ** 2)
+        side_residual, _, _ = residuals_of(model.cylinder, sides, np.ones(len(sides.photo_xy)), sheet.focal)
+        prior = np.concatenate(
+            [parameters[:1] / TILT, parameters[2:4] / 2, parameters[4:5], (parameters[5:6] + 1) / 1.5, parameters[7:]]
+        )
+        bending = np.diff(parameters[7:], 2) / SMOOTH
+        return np.concatenate([group_weight * dark, side_residual / sides.sigma_px[sides.group], prior, bending])
+
+    ambient = np.log(model.ambient / (1 - model.ambient))
+    level = float(np.quantile(log, 0.8)) if model.paper_level == 0 else model.paper_level
     begin = np.concatenate(
-        [sheet.camera, lit.lamp[:2], [np.log(-lit.lamp[2] if lit.lamp[2] < 0 else 1.0)], [ambient, level], sheet.turns]
+        [
+            sheet.camera,
+            model.lamp[:2],
+            [np.log(-model.lamp[2] if model.lamp[2] < 0 else 1.0)],
+            [ambient, level],
+            sheet.angle_coefficients,
+        ]
     )
     best = least_squares(residuals, begin, method="lm", max_nfev=steps)
-    return made(best.x), float(best.cost)
+    return model_at(best.x), float(best.cost)

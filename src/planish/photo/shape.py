@@ -1,4 +1,4 @@
-"""From a photo to a scan: what there is to tell the shape, the shape found from it, and how far it can be trusted."""
+"""From a photo to a scan: detect text and borders, fit the shape, report its confidence."""
 
 from __future__ import annotations
 
@@ -7,26 +7,27 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from planish.errors import InputError, UsageError
-from planish.photo.bent import Bent, from_borders, from_lines
-from planish.photo.borders import Borders, borders_in
+from planish.photo.borders import Borders, find_borders
 from planish.photo.creases import crease_length
-from planish.photo.lines import TextLines, text_lines
-from planish.photo.look import look_at
+from planish.photo.fitted_sheet import FittedSheet, from_borders, from_lines
+from planish.photo.line_grouping import reject_false_lines
+from planish.photo.lines import TextLines, find_text_lines
 from planish.photo.polynomial import from_polynomials
-from planish.photo.report import account_of
-from planish.photo.rows import believable
+from planish.photo.report import photo_report
 from planish.photo.shading import from_shading
-from planish.photo.surface import as_scan
+from planish.photo.surface import make_scan
+from planish.photo.working_image import working_image
 from planish.settings import PhotoSettings
 from planish.types import Diagnostic, Floats, PhotoReport, Pixels, Scan
 
 USUAL_FOCAL = 0.8
-"""Of the photo's long side, where the photo does not say: phones and small cameras, not zoomed, have 0.7 to 0.85."""
+"""Focal length, in long sides of the photo, if EXIF has none: phones and compact cameras, unzoomed, have 0.7 to
+0.85."""
 LETTER_MM = 2.0
-"""Usual height of a printed letter, the mean of small ones and tall ones, in books and letters: the size of the page
-is guessed from it where its borders are not seen."""
+"""Typical mean height of printed letters in books and correspondence; the page size is guessed from it where borders
+are not visible."""
 SHEET_MM = 297.0
-"""The long side of a whole sheet is guessed to be that of the commonest."""
+"""Guessed long side of a whole sheet: A4."""
 PAPERS_MM = {
     "a3": (297.0, 420.0),
     "a4": (210.0, 297.0),
@@ -36,20 +37,20 @@ PAPERS_MM = {
 }
 FEWEST_LINES = 3
 FEWEST_LETTERS = 25
-"""Of text that the shape can be found from without borders."""
+"""Least lines and letters for fitting a shape without borders."""
 CROOKED = 0.09
-"""What is taken for letters is off its lines by so much of their height, or it is no print: fur and leaves have 0.11 to
-0.13, the worst photos of print 0.075."""
+"""Largest residual of letters from their lines, in letter heights, of real print: fur and leaves have 0.11 to 0.13, the
+worst photos of print 0.075."""
 
 
 @dataclass(frozen=True, eq=False)
 class PhotoShape:
-    """The sheet on a photo.
+    """Shape of the sheet on a photo.
 
     Attributes
     ----------
     scan : Scan
-        Its surface as a mesh, with the photo and its camera; `planish.restore` makes the page of it.
+        Surface mesh with the photo and its camera; input of `planish.restore`.
     report : PhotoReport
     warnings : tuple of Diagnostic
     """
@@ -64,25 +65,25 @@ def find_shape(
 ) -> PhotoShape:
     """Find the shape of the sheet on a photo.
 
-    The sheet is taken to be bent in one direction, like a book's page, and seen through a pinhole; what that leaves
-    over is made good by a smooth shift. One photo tells the shape up to its size.
+    The sheet is modelled as a generalised cylinder, like a book page, seen by a pinhole camera; the residual is
+    absorbed by a smooth 2D warp. One photo determines the shape up to scale.
 
     Parameters
     ----------
     photo : (rows, cols, 3) uint8 or uint16
-        Any way round.
+        In any orientation.
     settings : PhotoSettings, optional
     focal_px : float, optional [px]
-        Focal length; `planish.io.focal_length_px` reads it from a file. Without it 0.8 of the long side is assumed.
+        Focal length; `planish.io.focal_length_px` reads it from EXIF. Default: 0.8 of the long side.
     icc : bytes, optional
-        Colour profile, handed on to the page.
+        Colour profile, passed on to the page.
 
     Raises
     ------
     InputError
-        Where neither text nor a sheet's borders are found.
+        If neither text nor sheet borders are found.
     UsageError
-        Where the paper's size was given, but not all of its borders are seen.
+        If the paper size is given but not all borders are visible.
 
     Examples
     --------
@@ -95,41 +96,43 @@ def find_shape(
     s = settings or PhotoSettings()
     focal = focal_px or USUAL_FOCAL * max(photo.shape[:2])
     centre = (np.array(photo.shape[1::-1]) - 1) / 2
-    lines, borders = _seen(photo, s)
-    bent = _bent(photo, s, lines, borders, focal, centre)
-    scan = as_scan(bent.sheet, bent.shift, photo, _mm_per_unit(bent, lines, s), icc, lines.upright if lines else 0.0)
+    lines, borders = _detect(photo, s)
+    sheet = _fit_sheet(photo, s, lines, borders, focal, centre)
+    scan = make_scan(
+        sheet.cylinder, sheet.warp, photo, _mm_per_unit(sheet, lines, s), icc, lines.upright if lines else 0.0
+    )
     scale = "paper" if s.paper != "unknown" else "width" if s.width_mm else "unknown"
-    report, warnings = account_of(bent, lines, crease_length(photo, bent), scale, "exif" if focal_px else "assumed")
+    report, warnings = photo_report(sheet, lines, crease_length(photo, sheet), scale, "exif" if focal_px else "assumed")
     if s.shape == "polynomial":
         report = replace(report, shape="polynomial")
     return PhotoShape(scan, report, warnings)
 
 
-def _seen(photo: Pixels, s: PhotoSettings) -> tuple[TextLines | None, Borders | None]:
-    """Lines of text and the sheet's borders, as far as they are there and asked for."""
-    lines = text_lines(look_at(photo))
-    lines = believable(lines) if lines is not None else None
+def _detect(photo: Pixels, s: PhotoSettings) -> tuple[TextLines | None, Borders | None]:
+    """Detect text lines and sheet borders, as far as requested and present."""
+    lines = find_text_lines(working_image(photo))
+    lines = reject_false_lines(lines) if lines is not None else None
     if lines is not None and (len(lines.line) < FEWEST_LETTERS or lines.straightness > CROOKED):
         lines = None
-    borders = None if s.shape in ("text-lines", "polynomial") else borders_in(photo, lines)
+    borders = None if s.shape in ("text-lines", "polynomial") else find_borders(photo, lines)
     return (None if s.shape in ("borders", "shading") else lines), borders
 
 
-def _bent(
+def _fit_sheet(
     photo: Pixels, s: PhotoSettings, lines: TextLines | None, borders: Borders | None, focal: float, centre: Floats
-) -> Bent:
+) -> FittedSheet:
     if s.shape == "shading":
         if borders is None:
             raise InputError(
-                "the photo shows no outline of a sheet; to tell the shape from shade it must show all four sides of a "
-                "sheet, bent in one direction only, under one lamp, on a ground of another colour"
+                "the photo shows no outline of a sheet; shape from shading needs all four sides of a sheet that is "
+                "bent in one direction only, under one lamp, on a background of another colour"
             )
         return from_shading(photo, borders, focal, centre)
     if borders is not None:
         return from_borders(borders, lines, focal, centre, ratio=_ratio(borders, s))
     if s.paper != "unknown":
         raise UsageError(
-            "the size of the paper was given, but the photo does not show all borders of the sheet on a plain ground",
+            "the paper size was given, but the photo does not show all borders of the sheet on a plain background",
             "give {width_mm} for the width of the part that is drawn, or photograph the whole sheet",
         )
     if lines is None or len(lines.height) < FEWEST_LINES:
@@ -140,14 +143,14 @@ def _bent(
             "borders": "no outline of a sheet",
         }.get(s.shape, "neither lines of text nor the outline of a sheet")
         raise InputError(
-            f"the photo shows {missing}{found}; to tell the shape it must show {FEWEST_LINES} lines of print, sharp "
-            "and 10 pixels high, or a whole sheet on a ground of another colour"
+            f"the photo shows {missing}{found}; needed are {FEWEST_LINES} sharp lines of print, letters 10 pixels "
+            "high, or a whole sheet on a background of another colour"
         )
     return (from_polynomials if s.shape == "polynomial" else from_lines)(lines, focal, centre)
 
 
 def _ratio(borders: Borders, s: PhotoSettings) -> float | None:
-    """Width against height of the paper, lying or upright as the photo shows it."""
+    """Aspect ratio, width / height, of the paper in the orientation on the photo."""
     if s.paper == "unknown":
         return None
     short, long = PAPERS_MM[s.paper]
@@ -155,13 +158,13 @@ def _ratio(borders: Borders, s: PhotoSettings) -> float | None:
     return short / long if top + bottom < right + left else long / short
 
 
-def _mm_per_unit(bent: Bent, lines: TextLines | None, s: PhotoSettings) -> float:
-    """Millimetres in a distance of the camera."""
-    width, height = bent.shift.high - bent.shift.low
+def _mm_per_unit(sheet: FittedSheet, lines: TextLines | None, s: PhotoSettings) -> float:
+    """Millimetres per camera distance."""
+    width, height = sheet.warp.high - sheet.warp.low
     if s.width_mm is not None:
         return float(s.width_mm / width)
     if s.paper != "unknown":
         return float(PAPERS_MM[s.paper][1] / max(width, height))
-    if bent.bordered or lines is None:
+    if sheet.bordered or lines is None:
         return float(SHEET_MM / max(width, height))
-    return float(LETTER_MM / np.median(lines.height) * bent.sheet.focal)
+    return float(LETTER_MM / np.median(lines.height) * sheet.cylinder.focal)
