@@ -22,7 +22,7 @@ from scipy.optimize import least_squares
 from planish.color import LUMINANCE, linear_light
 from planish.errors import InputError
 from planish.geometry.guards import TINY_SHARE
-from planish.illumination.lamp_model import Light
+from planish.illumination.lamp_model import LampModel
 from planish.photo.borders import Borders
 from planish.photo.cylinder import STEEPEST, Cylinder, page_to_space, photo_to_page
 from planish.photo.fit import TILT, CylinderFit, Observations, no_observations, residuals_of, start
@@ -81,8 +81,10 @@ class LitSheet:
         angle = np.clip(self.cylinder.angle(along), -STEEPEST, STEEPEST)
         normals = np.column_stack([np.sin(angle), np.zeros(len(angle)), -np.cos(angle)])
         logit = np.log(self.ambient / (1 - self.ambient))
-        no_sky_no_vignetting = 0.0, 0.0, 0.0, -np.inf
-        light = Light(np.zeros(3), 1.0, np.array([*self.lamp, self.paper_level, logit, *no_sky_no_vignetting]))
+        no_ambient_direction_no_vignetting = 0.0, 0.0, 0.0, -np.inf
+        light = LampModel(
+            np.zeros(3), 1.0, np.array([*self.lamp, self.paper_level, logit, *no_ambient_direction_no_vignetting])
+        )
         return light.log_brightness(page_to_space(self.cylinder, page), normals, np.zeros(len(angle)))
 
 
