@@ -20,11 +20,11 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from machine import machine
-from planish.acquire.grid_mesh import Acquired
+from planish.acquire.grid_mesh import AcquiredScan
 from planish.acquire.points.scan import from_points
 from planish.acquire.range_image.depth import from_depth
 from planish.acquire.range_image.grid import from_grid, grid_photo
-from planish.acquire.structured_light.phase import with_code
+from planish.acquire.structured_light.phase import all_patterns
 from planish.acquire.structured_light.scan import from_gray_code
 from planish.gallery import Sheet, sheet, typeset_sheet
 from planish.gallery.clouds import photo_points, range_image
@@ -38,19 +38,19 @@ SPOT_MM = 0.2
 STEP_MM = 0.05
 
 
-def depth_camera(book: Sheet, small: bool, frames: int) -> Callable[[], Acquired]:
+def depth_camera(book: Sheet, small: bool, frames: int) -> Callable[[], AcquiredScan]:
     size = {"shape_rc": (240, 320)} if small else {}
     made = depth_capture(book, frames=frames, **size)
     return lambda: from_depth(made.frames, made.camera, made.photo, made.photo_camera)
 
 
-def gray_code(book: Sheet, small: bool, steps: int, sizes: tuple = ()) -> Callable[[], Acquired]:
+def gray_code(book: Sheet, small: bool, steps: int, sizes: tuple = ()) -> Callable[[], AcquiredScan]:
     camera, projector = projector_rig(book, *(SMALL_RIG if small else sizes))
-    made = structured_light(book, camera, projector, with_code(projector.shape_rc, steps), typeset_sheet(book)[0])
+    made = structured_light(book, camera, projector, all_patterns(projector.shape_rc, steps), typeset_sheet(book)[0])
     return lambda: from_gray_code(made.frames, camera, projector, made.photo)
 
 
-def devices(book: Sheet, small: bool) -> Iterator[tuple[str, Callable[[], Acquired]]]:
+def devices(book: Sheet, small: bool) -> Iterator[tuple[str, Callable[[], AcquiredScan]]]:
     yield "depth camera, 1 mm of noise, 1 frame", depth_camera(book, small, 1)
     yield "depth camera, 1 mm of noise, 30 frames", depth_camera(book, small, 30)
     yield "Gray code", gray_code(book, small, 0)
@@ -60,20 +60,20 @@ def devices(book: Sheet, small: bool) -> Iterator[tuple[str, Callable[[], Acquir
     yield "the same with 8 steps of phase", gray_code(book, False, 8, coarse)
 
 
-def range_scanner(book: Sheet, small: bool) -> Callable[[], Acquired]:
+def range_scanner(book: Sheet, small: bool) -> Callable[[], AcquiredScan]:
     made = range_image(book, shape_rc=(320, 240) if small else None)
     eye = -made.camera.rotation.T @ made.camera.translation
     on_table = made.points @ made.camera.rotation + eye
     return lambda: from_grid(on_table, grid_photo(made.points, made.colours), seen_from=eye)
 
 
-def photogrammetry(book: Sheet, small: bool, *, photo: bool) -> Callable[[], Acquired]:
+def photogrammetry(book: Sheet, small: bool, *, photo: bool) -> Callable[[], AcquiredScan]:
     made = photo_points(book, points=75_000 if small else 300_000)
     seen = (made.photo, made.camera) if photo else (None, None)
     return lambda: from_points(made.points, made.colours, made.normals, *seen)
 
 
-def clouds(book: Sheet, small: bool) -> Iterator[tuple[str, Callable[[], Acquired]]]:
+def clouds(book: Sheet, small: bool) -> Iterator[tuple[str, Callable[[], AcquiredScan]]]:
     yield "range image, 0.05 mm of noise, its own colours", range_scanner(book, small)
     yield "photogrammetry, 0.1 mm of noise, the points' colours", photogrammetry(book, small, photo=False)
     yield "the same with a photo", photogrammetry(book, small, photo=True)
@@ -94,7 +94,7 @@ def nearest_places(book: Sheet, points: np.ndarray) -> tuple[np.ndarray, np.ndar
     return xy, ((points - book.bend(xy)) * normals(book, xy)).sum(axis=1)
 
 
-def row(name: str, acquire: Callable[[], Acquired], book: Sheet, text: str, folder: Path) -> str:
+def row(name: str, acquire: Callable[[], AcquiredScan], book: Sheet, text: str, folder: Path) -> str:
     acquire()  # kernels compile
     start = perf_counter()
     made = acquire()

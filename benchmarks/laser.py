@@ -23,9 +23,9 @@ from time import perf_counter
 import numpy as np
 
 from machine import machine
-from planish.acquire.grid_mesh import Acquired
+from planish.acquire.grid_mesh import AcquiredScan
 from planish.acquire.laser.lines import from_laser_lines
-from planish.acquire.laser.rig import rig_of_squares
+from planish.acquire.laser.rig import calibrate_laser_rig
 from planish.acquire.laser.sweep import from_laser, sweep_stripes
 from planish.gallery import sheet
 from planish.gallery.laser import VirtualSweep, squared_paper, truth_of, virtual_lines, virtual_sweep
@@ -37,7 +37,7 @@ from planish.types import Page
 from truth import character_error, read_text, rigid_rms
 
 
-def row(name: str, made: VirtualSweep, acquired: Acquired, seconds: float) -> str:
+def row(name: str, made: VirtualSweep, acquired: AcquiredScan, seconds: float) -> str:
     scan = acquired.scan
     page_xy, true = truth_of(made, scan.photo_xy)
     known = np.isfinite(page_xy[:, 0])
@@ -75,7 +75,7 @@ def table(count: int) -> None:
     made = virtual_lines(sheet("book"))
     lit = made.frame(0)
     paper = virtual_lines(made.sheet, printed=squared_paper(made.sheet), camera=made.camera)
-    rig = rig_of_squares(paper.frame(0), paper.photo, paper.camera, 8.0)
+    rig = calibrate_laser_rig(paper.frame(0), paper.photo, paper.camera, 8.0)
     for name, planes in (("laser lines", made.planes[0]), ("the same, lasers from squared paper", rig.planes)):
         start = perf_counter()
         acquired = from_laser_lines(lit, made.photo, made.camera, planes)

@@ -17,8 +17,8 @@ from scipy.spatial import cKDTree
 import planish
 from acquire import nearest_places
 from machine import machine
-from planish.acquire.points.normals import oriented, patches
-from planish.acquire.points.surface import CELL, surface
+from planish.acquire.points.normals import fit_tangent_planes, orient_normals
+from planish.acquire.points.surface import CELL, reconstruct_surface
 from planish.errors import PlanishError
 from planish.gallery import Sheet, sheet, sheet_mesh
 from planish.mesh import without_small_components
@@ -30,7 +30,7 @@ INSIDE_MM = 2.0
 
 def meshes(points: np.ndarray, normals: np.ndarray, spacing: float) -> Iterator[tuple[str, Mesh, float]]:
     start = perf_counter()
-    yield "planish", surface(points, normals, spacing), perf_counter() - start
+    yield "planish", reconstruct_surface(points, normals, spacing), perf_counter() - start
     cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points))
     cloud.normals = o3d.utility.Vector3dVector(normals)
     start = perf_counter()
@@ -69,10 +69,10 @@ def main() -> None:
     for name in ("book", "letter"):
         bent = sheet(name)
         points = np.asarray(sheet_mesh(bent, layout="delaunay", noise_mm=0.1)[0].points)
-        found = patches(points)
+        found = fit_tangent_planes(points)
         points = points[found.kept]
         up = np.tile([0.0, 0.0, 1.0], (len(points), 1))
-        normals = oriented(points, found.normals, found.spacing_mm, up)
+        normals = orient_normals(points, found.normals, found.spacing_mm, up)
         for mesher, mesh, seconds in meshes(points, normals, found.spacing_mm):
             print(row(bent, mesher, mesh, seconds), flush=True)
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from planish.acquire.grid_mesh import grid_mesh
-from planish.acquire.picture import picture
-from planish.acquire.range_image.depth import averaged, back_projected, from_depth, without_flying_pixels
+from planish.acquire.range_image.depth import average_frames, back_project, from_depth, remove_flying_pixels
 from planish.acquire.range_image.steps import depth_step
+from planish.acquire.scan_preview import preview
 from planish.cli.main import run
 from planish.document.sheet_outline import find_sheet
 from planish.errors import InputError
@@ -44,7 +44,7 @@ def from_surface(made, points):
 
 def test_depths_come_back_from_the_points_they_were_made_into():
     depth = 400 + 50 * np.random.default_rng(0).random(SHAPE)
-    points = back_projected(CAMERA, depth)
+    points = back_project(CAMERA, depth)
     np.testing.assert_allclose(points[..., 2], depth, atol=1e-9)
     rows, cols = np.mgrid[: SHAPE[0], : SHAPE[1]]
     np.testing.assert_allclose(project(CAMERA, points.reshape(-1, 3)), np.c_[cols.ravel(), rows.ravel()], atol=1e-9)
@@ -67,7 +67,7 @@ def test_outliers_and_frames_that_saw_nothing_do_not_pull_the_mean():
     stack = 500 + rng.standard_normal((30, *SHAPE))
     stack[:3] += 300
     stack[3:6] = 0
-    depth, agree = averaged(stack)
+    depth, agree = average_frames(stack)
     np.testing.assert_allclose(depth, 500, atol=1.2)  # 5 standard deviations of the mean of 24
     np.testing.assert_allclose(agree, 0.8, atol=0.1)
 
@@ -75,7 +75,7 @@ def test_outliers_and_frames_that_saw_nothing_do_not_pull_the_mean():
 def test_a_pixel_that_most_frames_do_not_see_is_left_out():
     stack = np.full((4, 1, 2), 500.0)
     stack[:3, 0, 1] = 0
-    depth, _ = averaged(stack)
+    depth, _ = average_frames(stack)
     assert depth[0, 0] == 500
     assert np.isnan(depth[0, 1])
 
@@ -83,11 +83,11 @@ def test_a_pixel_that_most_frames_do_not_see_is_left_out():
 def test_nothing_is_joined_across_a_depth_jump_and_flying_pixels_go():
     depth = np.where(np.arange(SHAPE[1]) < 40, 500.0, 400.0) * np.ones(SHAPE)
     depth[:, 40] = 450  # the column that saw both
-    flown = without_flying_pixels(depth, CAMERA)
+    flown = remove_flying_pixels(depth, CAMERA)
     assert np.isnan(flown[:, 40]).all()
     assert np.isfinite(np.delete(flown, 40, axis=1)).all()
     for map_ in (depth, flown):
-        mesh, photo_xy = grid_mesh(back_projected(CAMERA, map_), CAMERA)
+        mesh, photo_xy = grid_mesh(back_project(CAMERA, map_), CAMERA)
         assert np.ptp(mesh.points[mesh.faces][..., 2], axis=1).max() < 1e-9
         assert 40 not in photo_xy[:, 0]
 
@@ -137,7 +137,7 @@ def test_a_mask_by_hand_cuts_the_sheet_out():
 def test_the_picture_shows_the_scan(book):
     _, capture = book
     made = from_depth(capture.frames, capture.camera, capture.photo, capture.photo_camera)
-    drawn = picture(made)
+    drawn = preview(made)
     assert drawn.shape[0] == 900
     shaded, photographed, sure = np.array_split(drawn[300:600], 3, axis=1)
     assert photographed.mean() > 100

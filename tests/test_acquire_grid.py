@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 import pytest
 
-from planish.acquire.picture import picture
 from planish.acquire.range_image.grid import from_grid, grid_photo
-from planish.acquire.range_image.shape import grid_shape, recognised_shape
+from planish.acquire.range_image.grid_shape import detect_grid_shape, grid_shape
+from planish.acquire.scan_preview import preview
 from planish.cli.main import run
 from planish.errors import InputError
 from planish.gallery import sheet
@@ -181,8 +181,8 @@ def test_rows_are_recognised_by_their_points(shape):
     rng = np.random.default_rng(0)
     points = np.stack([col, 2.0 * row, 300 + 0.01 * col**2], axis=-1) + 0.2 * rng.standard_normal((*shape, 3))
     points[1:3, 2:4] = 0
-    assert recognised_shape(points.reshape(-1, 3)) == shape
-    assert recognised_shape(rng.permutation(points.reshape(-1, 3))) is None
+    assert detect_grid_shape(points.reshape(-1, 3)) == shape
+    assert detect_grid_shape(rng.permutation(points.reshape(-1, 3))) is None
 
 
 # Scans
@@ -265,7 +265,7 @@ def test_a_photo_may_be_larger_or_have_its_own_camera(bowl):
 def test_a_scan_without_colours_can_be_drawn_and_flattened(bowl, tmp_path):
     made = from_grid(bowl[0], None)
     assert made.scan.photo is None
-    assert picture(made).shape[0] == 900
+    assert preview(made).shape[0] == 900
     write_text([f"# width {SHAPE[1]} height {SHAPE[0]} units: mm"], " ")(tmp_path / "points.xyz", bowl)
     np.savetxt(tmp_path / "bare.xyz", rows_of(bowl)[0], header=f"width {SHAPE[1]} height {SHAPE[0]}")
     assert run(["acquire", "grid", str(tmp_path / "bare.xyz"), "-o", str(tmp_path / "scan.ply"), "-q"]) == 0

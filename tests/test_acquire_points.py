@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from planish.acquire.points.normals import oriented, patches
+from planish.acquire.points.normals import fit_tangent_planes, orient_normals
 from planish.acquire.points.scan import from_points
 from planish.cli.main import run
 from planish.errors import InputError
@@ -67,7 +67,7 @@ def test_strays_are_left_out():
     points, _ = cylinder()
     rng = np.random.default_rng(1)
     strays = points[:200] + rng.uniform(3, 12, (200, 1)) * [0, 0, 1]
-    found = patches(np.vstack([points, strays]))
+    found = fit_tangent_planes(np.vstack([points, strays]))
     assert found.kept[:-200].mean() > 0.99
     assert found.kept[-200:].mean() < 0.05  # some planes lean so that they pass through theirs
     mesh = from_points(np.vstack([points, strays]), seen_from=np.array([0.0, 0, 900])).scan.mesh
@@ -76,16 +76,16 @@ def test_strays_are_left_out():
 
 def test_noise_and_spacing_are_told():
     points, _ = cylinder(noise=0.2)
-    found = patches(points)
+    found = fit_tangent_planes(points)
     assert abs(found.noise_mm - 0.2) < 0.02
     assert abs(found.spacing_mm - np.sqrt(2 * RADIUS * 80 / 20_000)) < 0.05
 
 
 def test_sides_agree_all_around_a_curl():
     points, outward = cylinder(angle=5.5)  # its two ends nearly meet, and face away from each other
-    found = patches(points)
+    found = fit_tangent_planes(points)
     towards = np.tile([0.0, 0, 1], (len(points), 1))
-    turned = oriented(points[found.kept], found.normals, found.spacing_mm, towards)
+    turned = orient_normals(points[found.kept], found.normals, found.spacing_mm, towards)
     agree = (turned * outward[found.kept]).sum(axis=1)
     assert (np.sign(agree) == np.sign(agree[0])).all()
 

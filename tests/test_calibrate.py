@@ -11,9 +11,9 @@ import numpy as np
 import pikepdf
 import pytest
 
-from planish.acquire.calibration.boards import Board, board_page, board_pixels, corner_places, find_corners
-from planish.acquire.calibration.camera import _calibrated, calibrate_camera, calibrate_projector
-from planish.acquire.calibration.poses import poses_picture
+from planish.acquire.calibration.boards import Board, board_page, board_pixels, corner_points, find_corners
+from planish.acquire.calibration.camera import _calibrate, calibrate_camera, calibrate_projector
+from planish.acquire.calibration.poses import draw_poses
 from planish.acquire.structured_light.gray_code import patterns
 from planish.cli.main import run
 from planish.errors import InputError, UsageError
@@ -56,8 +56,8 @@ def exact_corners(count, board=BOARD, camera=CAMERA, alike=False):
     places, corners = [], []
     for turn, middle in board_poses(count):
         stiff, _ = posed(np.zeros((7, 9), np.uint8), 1, board.square_mm, turn * (0.05 if alike else 1), middle)
-        places.append(corner_places(board))
-        corners.append(project(camera, stiff.bend(corner_places(board)[:, :2])))
+        places.append(corner_points(board))
+        corners.append(project(camera, stiff.bend(corner_points(board)[:, :2])))
     return places, corners
 
 
@@ -69,7 +69,7 @@ def test_corners_are_found_where_they_are(kind):
     frames = next(photos_of(board, [(turn, middle)]))
     rows_of, xy = find_corners(board, frames[0])
     stiff, _ = posed(board_pixels(board, 90), 90, 18.0, turn, middle)
-    true = project(CAMERA, stiff.bend(corner_places(board)[:, :2]))
+    true = project(CAMERA, stiff.bend(corner_points(board)[:, :2]))
     if kind == "chessboard" and np.linalg.norm(xy[0] - true[0]) > 50:
         true = true[::-1]  # a chessboard looks the same from either end
     assert len(rows_of) == 48
@@ -88,7 +88,7 @@ def test_a_camera_is_found_again(calibrated):
 
 
 def test_exact_corners_give_the_exact_camera():
-    found, kept = _calibrated(*exact_corners(8), CAMERA.shape_rc, [])
+    found, kept = _calibrate(*exact_corners(8), CAMERA.shape_rc, [])
     assert kept == list(range(8))
     assert found.rms_px < 1e-3  # OpenCV keeps corners as float32
     np.testing.assert_allclose(found.camera.matrix, CAMERA.matrix, rtol=1e-3, atol=0.05)
@@ -98,14 +98,14 @@ def test_exact_corners_give_the_exact_camera():
 def test_a_photo_that_does_not_fit_is_left_out_and_said():
     places, corners = exact_corners(8)
     corners[3] = corners[3] + np.random.default_rng(0).normal(0, 6, corners[3].shape)
-    found, kept = _calibrated(places, corners, CAMERA.shape_rc, [])
+    found, kept = _calibrate(places, corners, CAMERA.shape_rc, [])
     assert kept == [0, 1, 2, 4, 5, 6, 7]
     assert "1 photos do not fit" in found.warnings[0].sentence
 
 
 def test_poses_that_are_too_alike_are_refused():
     with pytest.raises(InputError, match="poses are too alike"):
-        _calibrated(*exact_corners(8, alike=True), CAMERA.shape_rc, [])
+        _calibrate(*exact_corners(8, alike=True), CAMERA.shape_rc, [])
 
 
 @pytest.mark.slow
@@ -161,7 +161,7 @@ def test_the_printed_board_has_its_true_size(paper, tmp_path):
 
 @pytest.mark.slow
 def test_the_picture_of_the_poses(calibrated):
-    drawn = poses_picture(calibrated, BOARD)
+    drawn = draw_poses(calibrated, BOARD)
     assert drawn.shape == (640, 3 * 640 + 2 * 20, 3)
     assert all((panel < 200).any() for panel in np.array_split(drawn, 3, axis=1))
 

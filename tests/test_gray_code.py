@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from captures import DATA
 from planish.acquire.structured_light.frames import check_frames
 from planish.acquire.structured_light.gray_code import Codes, bits_for, decode, frame_count, patterns
-from planish.acquire.structured_light.projector import check_fit, coarser, points_and_misses
-from planish.acquire.structured_light.scan import from_gray_code, located
-from planish.acquire.structured_light.sub_code import refined
+from planish.acquire.structured_light.projector import check_fit, projector_of_code, triangulate_pairs
+from planish.acquire.structured_light.scan import find_correspondence, from_gray_code
+from planish.acquire.structured_light.subpixel import refine_subpixel
 from planish.cli.main import run
 from planish.errors import InputError, UsageError
 from planish.gallery import sheet, typeset_sheet
@@ -73,7 +73,7 @@ def test_codes_are_right_to_a_pixel_and_refined_to_a_thirtieth(capture, truth):
     codes = decode(capture.frames, PROJECTOR)
     paper = (codes.column >= 0) & np.isfinite(seen.page_xy[..., 0]) & (codes.confidence > 0.3)
     whole = np.abs(codes.column - place[..., 0])[paper]
-    fine = np.abs(refined(capture.frames, codes, PROJECTOR) - place)[paper]
+    fine = np.abs(refine_subpixel(capture.frames, codes, PROJECTOR) - place)[paper]
     assert np.quantile(whole, 0.99) < 1.0  # the step of the code
     assert np.nanmedian(fine) < 1 / 30
     assert np.nanquantile(fine, 0.95) < 0.2  # ink's edges, and the last pixels before the sheet's
@@ -104,7 +104,7 @@ def test_stripes_too_fine_for_the_camera_leave_no_holes(capture, truth, unresolv
         grey = blurred[k : k + 2].astype(float).mean(axis=0)
         blurred[k : k + 2] = np.clip(np.rint(grey + rng.normal(0, 2, (2, *grey.shape))), 0, 255)
     on_page = np.isfinite(truth[0].page_xy[..., 0])
-    result = located(blurred, PROJECTOR)
+    result = find_correspondence(blurred, PROJECTOR)
     assert "stripes-unresolved" in {warning.code for warning in result.warnings}
     known = np.isfinite(result.place).all(axis=2)
     assert known[on_page].mean() > 0.97  # as with all bits; read as if resolved, a third of the pixels was lost
@@ -118,8 +118,8 @@ def test_without_refining_there_are_terraces(rig, capture, truth):
     codes = decode(capture.frames, PROJECTOR)
     known = (codes.column >= 0) & np.isfinite(truth[0].page_xy[..., 0])
     xy = np.argwhere(known)[:, ::-1].astype(float)
-    plain, _ = points_and_misses(*rig, xy, np.c_[codes.column[known], codes.row[known]].astype(float))
-    fine, _ = points_and_misses(*rig, xy, refined(capture.frames, codes, PROJECTOR)[known])
+    plain, _ = triangulate_pairs(*rig, xy, np.c_[codes.column[known], codes.row[known]].astype(float))
+    fine, _ = triangulate_pairs(*rig, xy, refine_subpixel(capture.frames, codes, PROJECTOR)[known])
     off = [np.nanmedian(np.linalg.norm(p - truth[0].points[known], axis=1)) for p in (plain, fine)]
     assert off[1] < off[0] / 10
 
@@ -128,7 +128,7 @@ def test_without_refining_there_are_terraces(rig, capture, truth):
 @pytest.mark.parametrize("factor", [2.0, 0.5, 1.5])
 def test_a_projector_calibrated_at_another_scale_is_refused_with_the_factor(rig, capture, factor):
     camera, projector = rig
-    wrong = coarser(projector, 1 / factor)
+    wrong = projector_of_code(projector, 1 / factor)
     xy = np.random.default_rng(0).uniform(0, 500, (3000, 2))
     seen = view(sheet("book"), camera).points[xy[:, 1].astype(int), xy[:, 0].astype(int)]
     xy = np.trunc(xy)
@@ -136,7 +136,7 @@ def test_a_projector_calibrated_at_another_scale_is_refused_with_the_factor(rig,
     assert check_fit(camera, projector, xy, code) < 0.01
     with pytest.raises(InputError, match=f"give projector_scale={factor:g}"):
         check_fit(camera, wrong, xy, code)
-    assert check_fit(camera, coarser(wrong, factor), xy, code) < 0.01
+    assert check_fit(camera, projector_of_code(wrong, factor), xy, code) < 0.01
 
 
 @pytest.mark.slow
@@ -234,7 +234,7 @@ def test_the_commands_go_from_photos_to_a_scan(rig, capture, tmp_path, capsys):
     command = ["acquire", "gray-code", str(tmp_path), "--camera", f"{out}/camera.json", "-o", f"{out}/scan.ply"]
     assert run([*command, "--projector", f"{out}/projector.json", "--picture", f"{out}/look.png"]) == 0
     assert (out / "scan.jpg").exists()
-    twice = camera_as_json(coarser(rig[1], 0.5))
+    twice = camera_as_json(projector_of_code(rig[1], 0.5))
     (out / "twice.json").write_text(json.dumps(twice))
     capsys.readouterr()
     assert run([*command, "--projector", f"{out}/twice.json"]) == 3

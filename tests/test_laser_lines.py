@@ -9,10 +9,10 @@ from scipy.spatial.transform import Rotation
 
 from captures import DATA
 from planish.acquire.calibration.boards import Board, board_pixels
-from planish.acquire.laser.axis import axis_of_boards, turned
-from planish.acquire.laser.board import planes_of_boards
-from planish.acquire.laser.lines import cylinder_of, from_laser_lines, on_cylinder, points_of, two_lines
-from planish.acquire.laser.rig import rig_of_squares
+from planish.acquire.laser.axis import calibrate_laser_axis, rotate_plane
+from planish.acquire.laser.board import calibrate_laser_planes
+from planish.acquire.laser.lines import find_two_lines, fit_cylinder, from_laser_lines, intersect_cylinder, line_points
+from planish.acquire.laser.rig import calibrate_laser_rig
 from planish.acquire.laser.squares import find_squares
 from planish.cli.main import run
 from planish.errors import InputError
@@ -69,9 +69,9 @@ def test_without_a_laser_off_photo_the_lines_are_told_by_their_colour(book):
     made, lit = book
     acquired = from_laser_lines(lit, None, made.camera, made.planes[0], mask=None)
     assert "the laser lines stay on the page" in acquired.warnings[0].sentence
-    both = np.isfinite(two_lines(lit)[:, 0]) & np.isfinite(two_lines(lit, made.photo)[:, 0])
+    both = np.isfinite(find_two_lines(lit)[:, 0]) & np.isfinite(find_two_lines(lit, made.photo)[:, 0])
     assert both.mean() > 0.7
-    assert np.median(np.abs(two_lines(lit)[both] - two_lines(lit, made.photo)[both])) < 0.1
+    assert np.median(np.abs(find_two_lines(lit)[both] - find_two_lines(lit, made.photo)[both])) < 0.1
 
 
 @pytest.mark.slow
@@ -79,18 +79,18 @@ def test_the_direction_of_the_rulings_is_found_where_the_camera_is_askew(book):
     made, _ = book
     camera = overhead_camera(made.sheet, PHOTO_PX, turn_deg=6.0, tilt_deg=5.0)
     askew = virtual_lines(made.sheet, photo_px=PHOTO_PX, line_mm=0.8, camera=camera)
-    upper, lower = points_of(two_lines(askew.frame(0), askew.photo), camera, askew.planes[0])
-    along = cylinder_of(upper, lower, camera).axes[2]
+    upper, lower = line_points(find_two_lines(askew.frame(0), askew.photo), camera, askew.planes[0])
+    along = fit_cylinder(upper, lower, camera).axes[2]
     assert np.degrees(np.arccos(abs(along[1]))) < 0.5  # the book's rulings are the y axis of the table
 
 
 @pytest.mark.slow
 def test_unrolled_places_keep_their_distances(paper):
     made, lit = paper
-    upper, lower = points_of(two_lines(lit, made.photo), made.camera, made.planes[0])
-    cylinder = cylinder_of(upper, lower, made.camera)
+    upper, lower = line_points(find_two_lines(lit, made.photo), made.camera, made.planes[0])
+    cylinder = fit_cylinder(upper, lower, made.camera)
     for squares in find_squares(made.photo):
-        _, flat = on_cylinder(cylinder, rays(made.camera, squares.xy)[0])
+        _, flat = intersect_cylinder(cylinder, rays(made.camera, squares.xy)[0])
         true, _ = truth_of(made, squares.xy)
         known = np.isfinite(flat).all(axis=1) & np.isfinite(true).all(axis=1)
         got, want = (np.linalg.norm(np.diff(v[known], axis=0), axis=1) for v in (flat, true))
@@ -100,7 +100,7 @@ def test_unrolled_places_keep_their_distances(paper):
 @pytest.mark.slow
 def test_the_lasers_are_found_again_from_squared_paper(paper):
     made, lit = paper
-    rig = rig_of_squares(lit, made.photo, made.camera, 8.0)
+    rig = calibrate_laser_rig(lit, made.photo, made.camera, 8.0)
     assert rig.rms_squares < 0.03  # corners are found to 0.1 of 0.33 mm; at the spine they are crowded
     for found, true in zip(rig.planes, made.planes[0], strict=True):
         x, z = (v.ravel() for v in np.meshgrid(np.linspace(-120, 120, 9), np.linspace(0, 25, 5)))
@@ -111,11 +111,11 @@ def test_the_lasers_are_found_again_from_squared_paper(paper):
 @pytest.mark.slow
 def test_the_lens_is_found_with_them(paper):
     made, lit = paper
-    rig = rig_of_squares(lit, made.photo, made.camera, 8.0, lens=True)
+    rig = calibrate_laser_rig(lit, made.photo, made.camera, 8.0, lens=True)
     assert abs(rig.camera.distortion[0]) < 0.06  # the virtual lens has none: 0.06 is 0.6 % of place at the border
     middle = made.camera.matrix.copy()
     middle[:2, 2] += [12, -15]  # as of a camera that is known by its focal length alone
-    rig = rig_of_squares(lit, made.photo, replace(made.camera, matrix=middle), 8.0, lens=True)
+    rig = calibrate_laser_rig(lit, made.photo, replace(made.camera, matrix=middle), 8.0, lens=True)
     off = rig.camera.matrix[:2, 2] - made.camera.matrix[:2, 2]
     assert abs(off[1]) < 2  # px, of 15 before, along the spine
     assert abs(off[0]) < 10  # of 12: across it a shift is almost a turn of the book
@@ -162,7 +162,7 @@ def boards():
 @pytest.mark.slow
 def test_laser_planes_from_boards(boards):
     board, camera, photos, planes = boards
-    found = planes_of_boards(photos, list("abcd"), camera, board, lines=2)
+    found = calibrate_laser_planes(photos, list("abcd"), camera, board, lines=2)
     assert found.planes.shape == (2, 4)
     assert (found.rms_mm < 0.1).all()
     for plane, true in zip(found.planes, planes, strict=True):
@@ -175,13 +175,13 @@ def test_laser_planes_from_boards(boards):
 def test_boards_that_do_not_do_are_named(boards):
     board, camera, photos, _ = boards
     with pytest.raises(InputError, match="almost one line in space"):
-        planes_of_boards(photos[:1] * 2, ["a", "b"], camera, board, lines=2)
+        calibrate_laser_planes(photos[:1] * 2, ["a", "b"], camera, board, lines=2)
     with pytest.raises(InputError, match=r"b shows no chessboard of 8 x 11 squares"):
-        planes_of_boards([photos[0], np.full_like(photos[0], 200)], ["a", "b"], camera, board, lines=2)
+        calibrate_laser_planes([photos[0], np.full_like(photos[0], 200)], ["a", "b"], camera, board, lines=2)
     with pytest.raises(InputError, match=r"a is 800 x 1000 pixels, but the camera's numbers are for 700 x 900"):
-        planes_of_boards(photos[:1], ["a"], replace(camera, shape_rc=(900, 700)), board)
+        calibrate_laser_planes(photos[:1], ["a"], replace(camera, shape_rc=(900, 700)), board)
     with pytest.raises(InputError, match=r"in a 5 laser lines are seen on the board in \d rows"):
-        planes_of_boards(photos[:1], ["a"], camera, board, lines=5)
+        calibrate_laser_planes(photos[:1], ["a"], camera, board, lines=5)
 
 
 @pytest.fixture(scope="module")
@@ -202,11 +202,11 @@ def mirror():
 @pytest.mark.slow
 def test_the_axis_of_a_mirror_is_found(mirror):
     board, camera, photos, planes = mirror
-    found = axis_of_boards(photos, list("abcdef"), camera, board, turned_deg(planes))
+    found = calibrate_laser_axis(photos, list("abcdef"), camera, board, turned_deg(planes))
     assert found.rms_mm < 0.15  # pixels are 0.45 mm, lines are placed to a tenth of one
     for foot in (-20.0, 30.0, 110.0):  # also beyond the angles that were shown
         true = plane_through(MIRROR_MM, (foot, 0.0, 0.0))
-        at = turned(found.plane, found.point, found.direction, np.radians(turned_deg(true[None])[0]))
+        at = rotate_plane(found.plane, found.point, found.direction, np.radians(turned_deg(true[None])[0]))
         y, z = (v.ravel() for v in np.meshgrid(np.linspace(-80, 80, 5), np.linspace(0, 80, 5)))
         lit = np.column_stack([-(true[1] * y + true[2] * z + true[3]) / true[0], y, z])
         assert np.abs(lit @ at[:3] + at[3]).max() < 1.0  # mm, at 1/2 of the shown range beyond it; within 0.3
@@ -217,16 +217,16 @@ def test_angles_that_do_not_do_are_named(mirror):
     board, camera, photos, planes = mirror
     names, angles = list("abcdef"), turned_deg(planes)
     with pytest.raises(InputError, match="from 3 to 3 degrees; at least 2"):
-        axis_of_boards(photos, names, camera, board, np.full(6, 3.0))
+        calibrate_laser_axis(photos, names, camera, board, np.full(6, 3.0))
     with pytest.raises(InputError, match="on 1 photos of the board are almost one line"):
-        axis_of_boards(photos, names, camera, board, np.arange(6.0))
+        calibrate_laser_axis(photos, names, camera, board, np.arange(6.0))
     with pytest.raises(InputError, match="mm rms off a plane that turns about an axis"):
-        axis_of_boards(photos, names, camera, board, np.array([0.0, 0, 5, 5, -5, -5]))
+        calibrate_laser_axis(photos, names, camera, board, np.array([0.0, 0, 5, 5, -5, -5]))
     stray = np.repeat(photos[0][..., :1], 3, axis=2)  # the line's colour taken off
     for row, col in enumerate(np.random.default_rng(0).integers(120, 360, len(stray))):
         stray[row, col : col + 4, 1] = 250
     with pytest.raises(InputError, match="laser line is seen on the board"):
-        axis_of_boards([stray, *photos[1:]], names, camera, board, angles)
+        calibrate_laser_axis([stray, *photos[1:]], names, camera, board, angles)
 
 
 @pytest.mark.slow
@@ -263,10 +263,10 @@ def test_bad_input_is_a_sentence(book, paper):
     with pytest.raises(InputError, match="mm apart"):
         from_laser_lines(waves.frame(0), waves.photo, waves.camera, waves.planes[0])
     with pytest.raises(InputError, match="no squares are seen"):
-        rig_of_squares(lit, made.photo, made.camera, 8.0)
+        calibrate_laser_rig(lit, made.photo, made.camera, 8.0)
     page, shot = paper
     with pytest.raises(InputError, match="numbers are for 700 x 900"):
-        rig_of_squares(shot, page.photo, replace(page.camera, shape_rc=(900, 700)), 8.0)
+        calibrate_laser_rig(shot, page.photo, replace(page.camera, shape_rc=(900, 700)), 8.0)
 
 
 @pytest.mark.slow
@@ -317,12 +317,12 @@ def test_real_squared_books_come_out_squared():
     """Lasers and lens found from one photo; the squares of the other, whose book is bent far more, come out equal."""
     camera = Camera(np.array([[1014.9, 0, 499.5], [0, 1014.9, 374.5], [0, 0, 1]]), np.eye(3), np.zeros(3), (750, 1000))
     photos = {name: read_photo(REAL / name).pixels for name in ("Simple.jpg", "gridangle.jpg")}
-    rig = rig_of_squares(photos["Simple.jpg"], None, camera, 6.35, lens=True)
+    rig = calibrate_laser_rig(photos["Simple.jpg"], None, camera, 6.35, lens=True)
     for lit in photos.values():
-        upper, lower = points_of(two_lines(lit), rig.camera, rig.planes)
-        cylinder = cylinder_of(upper, lower, rig.camera)
+        upper, lower = line_points(find_two_lines(lit), rig.camera, rig.planes)
+        cylinder = fit_cylinder(upper, lower, rig.camera)
         for squares in find_squares(lit):
-            flat = on_cylinder(cylinder, rays(rig.camera, squares.xy)[0])[1] / 6.35
+            flat = intersect_cylinder(cylinder, rays(rig.camera, squares.xy)[0])[1] / 6.35
             place = dict(zip(map(tuple, squares.ij.tolist()), flat, strict=True))
             sides = {}
             for axis, (di, dj) in enumerate(((1, 0), (0, 1))):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from planish.acquire.laser.stripes import find_stripes, laser_channel, print_of
+from planish.acquire.laser.stripes import find_stripes, laser_channel, laser_off_image
 
 ROOM = 0.3
 FINE = 8  # places to a pixel, so that edges of ink and the line fall anywhere within pixels
@@ -34,8 +34,8 @@ def rms(found, true):
 
 def test_a_line_on_print_is_placed_to_a_tenth_of_a_pixel_and_without_dividing_it_is_not():
     off, lit, true = photos([100.0])
-    divided = find_stripes(lit, print_of(off, 1), 1)
-    plain = find_stripes(lit, print_of(off, 1, divide=False), 1)
+    divided = find_stripes(lit, laser_off_image(off, 1), 1)
+    plain = find_stripes(lit, laser_off_image(off, 1, divide=False), 1)
     seen = np.isfinite(plain.at)
     assert np.isfinite(divided.at).all()
     assert rms(divided.at, true) < 0.15  # edges of ink within pixels, and 1 level of noise, leave 0.1
@@ -44,7 +44,7 @@ def test_a_line_on_print_is_placed_to_a_tenth_of_a_pixel_and_without_dividing_it
 
 def test_the_standard_deviation_that_it_tells_is_the_one_that_it_has():
     off, lit, true = photos([100.0], ink=0.0)
-    found = find_stripes(lit, print_of(off, 1), 1)
+    found = find_stripes(lit, laser_off_image(off, 1), 1)
     miss = (found.at - true) / found.sd
     assert 0.7 < miss.std() < 1.3  # 200 values: 5 % of sampling, and rounding is not quite normal
     assert np.allclose(found.width, 3.0, atol=0.15)  # its own standard deviation is 0.03
@@ -53,43 +53,43 @@ def test_the_standard_deviation_that_it_tells_is_the_one_that_it_has():
 @pytest.mark.parametrize("laser", [1.5, 4.0])
 def test_a_clipped_line_is_placed_by_its_flanks(laser):
     off, lit, true = photos([100.0], laser=laser, ink=0.0)
-    found = find_stripes(lit, print_of(off, 1), 1)
+    found = find_stripes(lit, laser_off_image(off, 1), 1)
     assert 0.1 < found.clipped_share < 0.7
     assert rms(found.at, true) < 0.1
 
 
 def test_several_lines_come_in_order_and_a_row_where_one_is_missing_is_left_out():
     off, lit, true = photos([60.0, 120.0, 200.0])
-    found = find_stripes(lit, print_of(off, 1), 1, lines=3)
+    found = find_stripes(lit, laser_off_image(off, 1), 1, lines=3)
     assert rms(found.at, true) < 0.15
     lit[:50, :100] = off[:50, :100]  # something stands in the light of the first line
-    found = find_stripes(lit, print_of(off, 1), 1, lines=3)
+    found = find_stripes(lit, laser_off_image(off, 1), 1, lines=3)
     assert np.isnan(found.at[:50]).all()
     assert np.isfinite(found.at[50:]).all()
 
 
 def test_along_columns_is_along_rows_of_the_turned_photo():
     off, lit, _ = photos([100.0])
-    turned = find_stripes(lit.swapaxes(0, 1), print_of(off.swapaxes(0, 1), 1, "columns"), 1, "columns")
-    assert np.array_equal(turned.at, find_stripes(lit, print_of(off, 1), 1).at)
+    turned = find_stripes(lit.swapaxes(0, 1), laser_off_image(off.swapaxes(0, 1), 1, "columns"), 1, "columns")
+    assert np.array_equal(turned.at, find_stripes(lit, laser_off_image(off, 1), 1).at)
 
 
 def test_the_room_may_be_darker_with_the_laser_on():
     off, lit, true = photos([100.0], room=0.5 * ROOM, ink=0.1)  # the lamp was dimmed
-    assert rms(find_stripes(lit, print_of(off, 1), 1).at, true) < 0.15
+    assert rms(find_stripes(lit, laser_off_image(off, 1), 1).at, true) < 0.15
 
 
 def test_sixteen_bits_place_better_than_eight():
     errors = []
     for top in (255, 65535):
         off, lit, true = photos([100.0], ink=0.0, noise=0.0, top=top)
-        errors.append(rms(find_stripes(lit, print_of(off, 1), 1).at, true))
+        errors.append(rms(find_stripes(lit, laser_off_image(off, 1), 1).at, true))
     assert errors[1] < errors[0] / 5
 
 
 def test_where_there_is_no_laser_none_is_found():
     off, lit, _ = photos([100.0], laser=0.0)
-    assert np.isnan(find_stripes(lit, print_of(off, 1), 1).at).all()
+    assert np.isnan(find_stripes(lit, laser_off_image(off, 1), 1).at).all()
 
 
 def test_half_a_line_at_the_edge_of_the_paper_is_not_placed_beside_it():
@@ -98,7 +98,7 @@ def test_half_a_line_at_the_edge_of_the_paper_is_not_placed_beside_it():
     rng = np.random.default_rng(1)
     dark = code(np.full((200, 200), 0.01), 1.0, rng)
     off[:, 100:], lit[:, 100:] = dark, code(np.full((200, 200), 0.01), 1.0, rng)
-    found = find_stripes(lit, print_of(off, 1), 1)
+    found = find_stripes(lit, laser_off_image(off, 1), 1)
     seen = np.isfinite(found.at)
     miss = np.abs(found.at - true)[seen]
     assert (true[seen] < 103).all()  # beyond that the paper has less than a third of the line's light

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planish.acquire.laser.sweep import Sweep, from_laser, plane_of, planes_from_background, sweep_stripes
+from planish.acquire.laser.sweep import Sweep, fit_plane, from_laser, planes_from_background, sweep_stripes
 from planish.cli.main import run
 from planish.errors import InputError
 from planish.gallery import sheet
@@ -121,7 +121,7 @@ def test_a_plane_is_fitted_in_spite_of_a_stray_point():
     rng = np.random.default_rng(0)
     points = np.c_[rng.uniform(-50, 50, (200, 2)), np.full(200, 7.0)]
     points[0, 2] += 20
-    plane, rms = plane_of(points)
+    plane, rms = fit_plane(points)
     assert np.allclose(np.abs(plane), [0, 0, 1, 7], atol=1e-9)
     assert rms < 1e-9
 

@@ -9,10 +9,10 @@ from scipy import ndimage
 
 from planish.acquire.structured_light import gray_code
 from planish.acquire.structured_light.gray_code import decode, frame_count
-from planish.acquire.structured_light.phase import HALF_BITS, PERIOD, patterns, phased, steps_among, with_code
+from planish.acquire.structured_light.phase import HALF_BITS, PERIOD, all_patterns, decode_phase, patterns, phase_steps
 from planish.acquire.structured_light.phase_frames import check_waves
-from planish.acquire.structured_light.scan import from_gray_code, located
-from planish.acquire.structured_light.sub_code import refined
+from planish.acquire.structured_light.scan import find_correspondence, from_gray_code
+from planish.acquire.structured_light.subpixel import refine_subpixel
 from planish.cli.main import run
 from planish.errors import InputError, UsageError
 from planish.gallery import sheet, typeset_sheet
@@ -42,7 +42,7 @@ def split(frames, shape_rc):
 def capture():
     book = sheet("book")
     rig = projector_rig(book, CAMERA, PROJECTOR)
-    made = structured_light(book, *rig, with_code(PROJECTOR, STEPS), typeset_sheet(book)[0])
+    made = structured_light(book, *rig, all_patterns(PROJECTOR, STEPS), typeset_sheet(book)[0])
     seen = view(book, rig[0])
     true = project(rig[1], seen.points.reshape(-1, 3)).reshape(*CAMERA, 2)
     return rig, made, true, np.isfinite(seen.page_xy[..., 0]), seen
@@ -50,15 +50,15 @@ def capture():
 
 @pytest.fixture(scope="module")
 def shown():
-    return np.stack(list(with_code(SHAPE, STEPS))) // 10 * 9  # white is not clipped
+    return np.stack(list(all_patterns(SHAPE, STEPS))) // 10 * 9  # white is not clipped
 
 
 @settings(max_examples=15)
 @given(st.integers(17, 200), st.integers(17, 200), st.integers(3, 16))
 def test_waves_tell_their_own_pixels(rows, cols, steps):
-    frames = np.stack(list(with_code((rows, cols), steps)))
-    assert steps_among(len(frames), (rows, cols)) == steps
-    found = phased(*split(frames, (rows, cols)), (rows, cols))
+    frames = np.stack(list(all_patterns((rows, cols), steps)))
+    assert phase_steps(len(frames), (rows, cols)) == steps
+    found = decode_phase(*split(frames, (rows, cols)), (rows, cols))
     # levels are rounded: 0.5 of 127 at most in each of 3 photos or more, 16 pixels a turn
     np.testing.assert_allclose(found.place[..., 0], np.tile(np.arange(cols), (rows, 1)), atol=0.02)
     np.testing.assert_allclose(found.place[..., 1], np.tile(np.arange(rows)[:, None], (1, cols)), atol=0.02)
@@ -70,7 +70,7 @@ def test_errors_of_one_step_of_the_code_do_no_harm(shown):
     code, waves = split(shown, SHAPE)
     for shift in (-1, 1):
         beside = np.concatenate([np.roll(code[:-2], shift, axis=2), code[-2:]])
-        found = phased(beside, waves, SHAPE).place[2:-2, 2:-2]
+        found = decode_phase(beside, waves, SHAPE).place[2:-2, 2:-2]
         np.testing.assert_allclose(found[..., 0], np.tile(np.arange(2, 68), (36, 1)), atol=LEVELS)
 
 
@@ -80,16 +80,16 @@ def test_the_finest_stripes_are_not_needed(shown):
     for axis_bits, start in ((7, 0), (6, 14)):  # 70 columns, 40 rows
         blurred[start + 2 * (axis_bits - HALF_BITS) : start + 2 * axis_bits] = 128
     assert (decode(blurred, SHAPE).column == -1).all()
-    found = phased(blurred, waves, SHAPE).place
+    found = decode_phase(blurred, waves, SHAPE).place
     np.testing.assert_allclose(found[..., 0], np.tile(np.arange(70), (40, 1)), atol=LEVELS)
     with pytest.raises(InputError, match=r"two pixels of the projector wide, must be seen.*phase_steps=8"):
-        located(blurred, SHAPE)
+        find_correspondence(blurred, SHAPE)
 
 
 def test_places_are_true_to_the_noise(capture):
     _, made, true, on_sheet, _ = capture
     code, waves = split(made.frames, PROJECTOR)
-    found = phased(code, waves, PROJECTOR)
+    found = decode_phase(code, waves, PROJECTOR)
     off = np.abs(found.place - true)[on_sheet & (found.confidence > 0.8)]
     # blank paper: contrast B of about 90 levels, noise 1: 16 / 2 pi sqrt(2 / 8) / 90 = 0.014 px; ink beside more
     assert np.nanmedian(off) < 0.05
@@ -112,8 +112,8 @@ def test_a_bright_camera_curve_does_no_harm(capture):
     """Photos in sRGB: 8 steps cancel the overtones of the curve, and finest stripes may blur to light grey."""
     _, made, true, on_sheet, _ = capture
     curved = np.rint(255 * (made.frames / 255.0) ** (1 / 2.2)).astype(np.uint8)
-    place = located(curved, PROJECTOR).place
-    plain = located(made.frames, PROJECTOR).place
+    place = find_correspondence(curved, PROJECTOR).place
+    plain = find_correspondence(made.frames, PROJECTOR).place
     off = [np.nanquantile(np.abs(found - true)[on_sheet], 0.9) for found in (place, plain)]
     assert off[0] < off[1] + 0.02
 
@@ -121,14 +121,14 @@ def test_a_bright_camera_curve_does_no_harm(capture):
 def test_out_of_focus(capture):
     _, made, true, on_sheet, _ = capture
     soft = np.stack([ndimage.gaussian_filter(frame, 2.0) for frame in made.frames])
-    off = [np.abs(located(f, PROJECTOR).place - true)[on_sheet] for f in (split(soft, PROJECTOR)[0], soft)]
+    off = [np.abs(find_correspondence(f, PROJECTOR).place - true)[on_sheet] for f in (split(soft, PROJECTOR)[0], soft)]
     assert np.isfinite(off[1]).mean() > np.isfinite(off[0]).mean()
     assert np.nanquantile(off[1], 0.9) < min(0.3, np.nanquantile(off[0], 0.9))  # print smears over 4 projector pixels
 
 
 def test_waves_and_crossings_agree(shown):
     code, waves = split(shown, SHAPE)
-    place = refined(code, decode(code, SHAPE), SHAPE, None, phased(code, waves, SHAPE))
+    place = refine_subpixel(code, decode(code, SHAPE), SHAPE, None, decode_phase(code, waves, SHAPE))
     np.testing.assert_allclose(place[8:-8, 8:-8, 0], np.tile(np.arange(8, 62), (24, 1)), atol=LEVELS)
 
 
@@ -169,7 +169,7 @@ def test_photos_of_waves_that_do_not_do_are_named(shown, case):
     spoil, sentence = BAD[case]
     check_waves(*split(shown, SHAPE), SHAPE)
     with pytest.raises(InputError) as said:
-        located(spoil(shown), SHAPE)
+        find_correspondence(spoil(shown), SHAPE)
     assert sentence in str(said.value)
 
 
@@ -179,7 +179,7 @@ def test_patterns_with_waves_are_written(tmp_path):
     assert len(names) == frame_count((40, 64)) + 8
     frames = np.stack([cv2.imread(str(name), 0) for name in names])
     dimmed = (frames * 0.9).astype(np.uint8)
-    assert (np.abs(located(dimmed, (40, 64)).place[10, 10:50, 0] - np.arange(10, 50)) < 0.02).all()
+    assert (np.abs(find_correspondence(dimmed, (40, 64)).place[10, 10:50, 0] - np.arange(10, 50)) < 0.02).all()
     assert (frames[-2] == 255).all()
     assert (frames[-1] == 0).all()
     assert run(["acquire", "patterns", "--size", "64", "40", "--phase-steps", "2", "-o", str(tmp_path)]) == 2

@@ -113,12 +113,12 @@ def test_no_shift_moves_nothing():
     assert np.abs(warp(np.random.default_rng(0).uniform(-1, 2, (20, 2)))).max() == 0
 
 
-def test_a_turned_look_knows_where_it_is_on_the_photo():
+def test_a_rotated_working_image_maps_back_to_the_photo():
     photo = np.zeros((300, 400, 3), np.uint8)
     photo[100:103, 250:253] = 255
-    look = working_image(photo).rotated(0.7)
-    row, col = np.unravel_index(look.grey.argmax(), look.grey.shape)
-    assert np.abs(look.space_to_photo(np.array([[col, row]])) - [251, 101]).max() < 1.5  # the spot is 3 pixels wide
+    image = working_image(photo).rotated(0.7)
+    row, col = np.unravel_index(image.grey.argmax(), image.grey.shape)
+    assert np.abs(image.to_photo_xy(np.array([[col, row]])) - [251, 101]).max() < 1.5  # the spot is 3 pixels wide
 
 
 def photo_of(name, **options):
@@ -345,11 +345,11 @@ def test_sixteen_bit_photos_give_the_same_shape(book):
     assert sixteen.scan.photo.dtype == np.uint16
 
 
-def test_the_look_is_small():
-    look = working_image(np.zeros((6000, 8000, 3), np.uint8))
-    assert isinstance(look, WorkingImage)
-    assert max(look.grey.shape) <= 1700 * 1.5
-    assert look.px == pytest.approx(5.0)
+def test_the_working_image_is_small():
+    image = working_image(np.zeros((6000, 8000, 3), np.uint8))
+    assert isinstance(image, WorkingImage)
+    assert max(image.grey.shape) <= 1700 * 1.5
+    assert image.pixel_size == pytest.approx(5.0)
 
 
 def profile_off_mm(made, found):

@@ -19,7 +19,7 @@ NOISE_STEPS = 6.0
 
 
 @dataclass(frozen=True, eq=False)
-class Acquired:
+class AcquiredScan:
     """A scan made from light, and what is known of its quality.
 
     Attributes
@@ -80,14 +80,18 @@ def grid_mesh(points: Floats, camera: Camera, *, noise_mm: float = 0.0) -> tuple
     (24, 24, [[0.0, 0.0], [1.0, 0.0]])
     """
     known: Bools = np.asarray(np.isfinite(points).all(axis=2))
-    place = points[known] @ camera.rotation.T + np.ravel(camera.translation)
-    depth = place[:, 2]
-    relative = np.column_stack([place[:, :2] / depth[:, None], np.log(depth)])  # a step here is a part of the depth
+    camera_points = points[known] @ camera.rotation.T + np.ravel(camera.translation)
+    depth = camera_points[:, 2]
+    relative = np.column_stack(
+        [camera_points[:, :2] / depth[:, None], np.log(depth)]
+    )  # a step here is a part of the depth
     typical = float(np.median(depth)) if len(depth) else 1.0
-    return joined(points, known, relative, max(STEEPEST / camera.matrix[0, 0], NOISE_STEPS * noise_mm / typical))
+    return mesh_from_grid(
+        points, known, relative, max(STEEPEST / camera.matrix[0, 0], NOISE_STEPS * noise_mm / typical)
+    )
 
 
-def joined(points: Floats, known: Bools, relative: Floats, step: float) -> tuple[Mesh, Floats]:
+def mesh_from_grid(points: Floats, known: Bools, relative: Floats, step: float) -> tuple[Mesh, Floats]:
     """Join neighbouring pixels of a map of points whose distances differ by no more than a step.
 
     Parameters

@@ -145,9 +145,9 @@ def _check_brightness(residual: Floats) -> float:
     is_paper = np.abs(residual) < DARKER[-1]
     if is_paper.mean() < LEAST_PAPER:
         raise InputError(
-            f"only {100 * is_paper.mean():.0f} % of the sheet is blank paper as bright as a sheet bent in one direction "
-            "would be; shape from shading does not work on folded or crumpled sheets, under cast shadows or where "
-            "print covers the page",
+            f"only {100 * is_paper.mean():.0f} % of the sheet is blank paper as bright as a sheet bent in one "
+            "direction would be; shape from shading does not work on folded or crumpled sheets, under cast shadows or "
+            "where print covers the page",
             "use {shape=auto}, or a 3D scan",
         )
     uneven = float(np.sqrt(np.mean(residual[is_paper] ** 2)))

@@ -19,12 +19,12 @@ Kind = Literal["charuco", "chessboard"]
 PX_PER_MM = 20
 """Of the drawn board: every edge falls on a whole pixel when squares are whole fifths of a millimetre."""
 
-MARKER = 0.75
+MARKER_SHARE = 0.75
 """Side of a marker against that of its square."""
 
 PAPER_MM = {"a4": (210.0, 297.0), "letter": (215.9, 279.4)}
 
-FEWEST = 8
+MIN_CORNERS = 8
 """Corners that must be seen of a board: a pose has six numbers."""
 
 MARGIN_MM = 8.0
@@ -61,12 +61,12 @@ class Board:
             raise UsageError(f"there is no board {self.kind!r}; choose one of {', '.join(get_args(Kind))}")
 
 
-def corner_places(board: Board) -> Floats:
+def corner_points(board: Board) -> Floats:
     """Where the board's inner corners lie on it, (k, 3) float64 [mm]: x along its rows, y down, z = 0.
 
     Examples
     --------
-    >>> corner_places(Board(4, 3, 10.0))[:4].tolist()
+    >>> corner_points(Board(4, 3, 10.0))[:4].tolist()
     [[10.0, 10.0, 0.0], [20.0, 10.0, 0.0], [30.0, 10.0, 0.0], [10.0, 20.0, 0.0]]
     """
     x, y = np.meshgrid(np.arange(1, board.columns), np.arange(1, board.rows))
@@ -118,7 +118,7 @@ def find_corners(board: Board, grey: NDArray[np.uint8]) -> tuple[NDArray[np.intp
     Returns
     -------
     rows_of : (k,) int
-        Which of `corner_places` each is.
+        Which of `corner_points` each is.
     xy : (k, 2) float64 [px]
         x right, y down, pixel centres at integers.
     Or None where fewer than eight are seen.
@@ -126,7 +126,7 @@ def find_corners(board: Board, grey: NDArray[np.uint8]) -> tuple[NDArray[np.intp
     stretched = cv2.normalize(grey, np.empty_like(grey), 0, 255, cv2.NORM_MINMAX)
     if board.kind == "charuco":
         corners, numbers, _, _ = cv2.aruco.CharucoDetector(_charuco(board)).detectBoard(stretched)
-        if corners is None or numbers is None or len(numbers) < FEWEST:
+        if corners is None or numbers is None or len(numbers) < MIN_CORNERS:
             return None
         return np.ravel(numbers).astype(np.intp), np.asarray(corners, np.float64).reshape(-1, 2)
     size = board.columns - 1, board.rows - 1
@@ -134,16 +134,18 @@ def find_corners(board: Board, grey: NDArray[np.uint8]) -> tuple[NDArray[np.intp
     found, corners = cv2.findChessboardCornersSB(stretched, size, flags=flags)
     if not found:
         return None
-    return np.arange(size[0] * size[1]), _sharpened(stretched, np.asarray(corners, np.float32).reshape(-1, 2), size[0])
+    return np.arange(size[0] * size[1]), _refine_corners(
+        stretched, np.asarray(corners, np.float32).reshape(-1, 2), size[0]
+    )
 
 
-def _sharpened(grey: NDArray[np.uint8], corners: NDArray[np.float32], columns: int) -> Floats:
+def _refine_corners(grey: NDArray[np.uint8], corners: NDArray[np.float32], columns: int) -> Floats:
     """Corners moved to where the grey's slopes meet: OpenCV's sector-based search leaves them up to a pixel off."""
     side = float(np.median(np.linalg.norm(np.diff(corners.reshape(-1, columns, 2), axis=1), axis=2)))
     window = int(np.clip(side / 4, 2, 11))
     stop = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 50, 1e-3)
-    moved = cv2.cornerSubPix(grey, corners[:, None].copy(), (window, window), (-1, -1), stop)
-    return np.asarray(moved, np.float64).reshape(-1, 2)
+    refined = cv2.cornerSubPix(grey, corners[:, None].copy(), (window, window), (-1, -1), stop)
+    return np.asarray(refined, np.float64).reshape(-1, 2)
 
 
 def _charuco(board: Board) -> cv2.aruco.CharucoBoard:
@@ -151,7 +153,7 @@ def _charuco(board: Board) -> cv2.aruco.CharucoBoard:
     kinds = {250: cv2.aruco.DICT_5X5_250, 1000: cv2.aruco.DICT_5X5_1000}
     dictionary = cv2.aruco.getPredefinedDictionary(kinds[250 if squares <= 250 else 1000])
     size = (board.columns, board.rows)
-    return cv2.aruco.CharucoBoard(size, board.square_mm, MARKER * board.square_mm, dictionary)
+    return cv2.aruco.CharucoBoard(size, board.square_mm, MARKER_SHARE * board.square_mm, dictionary)
 
 
 def _scale(sheet: Image.Image, text: str) -> None:

@@ -10,25 +10,25 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from planish.acquire.calibration.boards import FEWEST, Board, corner_places, find_corners
+from planish.acquire.calibration.boards import MIN_CORNERS, Board, corner_points, find_corners
 from planish.acquire.structured_light.gray_code import Grey
-from planish.acquire.structured_light.scan import located
+from planish.acquire.structured_light.scan import find_correspondence
 from planish.errors import InputError
 from planish.geometry.rigid_fit import nearest_rotation
 from planish.types import Camera, Diagnostic, Floats
 
-FEWEST_PHOTOS = 4
+MIN_PHOTOS = 4
 
-ALIKE_DEG = 12.0
+MIN_TILT_DEG = 12.0
 """Two of the board's poses must differ by at least this angle, or focal length and distance cannot be told apart."""
 
-SURE = 0.01
+MAX_FOCAL_SD = 0.01
 """Standard deviation of the focal length, in parts of it, up to which a calibration is one."""
 
-ODD_PX = 3.0
+OUTLIER_FACTOR = 3.0
 """A photo whose error is so many times the median (and over a pixel) is left out."""
 
-AROUND = 0.45
+HOMOGRAPHY_REACH = 0.45
 """Of a square: as far around a corner the projector's code is looked up."""
 
 
@@ -81,18 +81,18 @@ def calibrate_camera(
     """
     names = list(names or (f"photo {k + 1}" for k in range(len(photos))))
     _check_sizes(photos, names)
-    found = [find_corners(board, photo) for photo in photos]
-    lost = [name for name, one in zip(names, found, strict=True) if one is None]
-    seen = [one for one in found if one is not None]
-    if len(seen) < FEWEST_PHOTOS:
+    calibration = [find_corners(board, photo) for photo in photos]
+    lost = [name for name, one in zip(names, calibration, strict=True) if one is None]
+    seen = [one for one in calibration if one is not None]
+    if len(seen) < MIN_PHOTOS:
         raise InputError(
             f"the board of {board.columns} x {board.rows} squares ({board.kind}) was found in {len(seen)} of "
-            f"{len(photos)} photos; at least {FEWEST_PHOTOS}, and better 10 or more, are wanted. Is it sharp, and are "
+            f"{len(photos)} photos; at least {MIN_PHOTOS}, and better 10 or more, are wanted. Is it sharp, and are "
             "the numbers of its squares right?"
         )
     warnings = [Diagnostic("board-not-found", f"the board was not found in {', '.join(lost)}")] if lost else []
-    places = [corner_places(board)[rows_of] for rows_of, _ in seen]
-    return _calibrated(places, [xy for _, xy in seen], photos[0].shape, warnings)[0]
+    object_points = [corner_points(board)[rows_of] for rows_of, _ in seen]
+    return _calibrate(object_points, [xy for _, xy in seen], photos[0].shape, warnings)[0]
 
 
 def calibrate_projector(
@@ -107,7 +107,7 @@ def calibrate_projector(
     Parameters
     ----------
     captures : sequence of (n, rows, cols) uint8
-        For each pose of the board the frames as for `structured.located`.
+        For each pose of the board the frames as for `find_correspondence`.
     board : Board
     camera : Camera
         Its frame becomes the world's.
@@ -119,7 +119,7 @@ def calibrate_projector(
     Calibration
         Of the projector, in the camera's world.
     """
-    places, on_camera, on_projector, lost = [], [], [], []
+    object_points, on_camera, on_projector, lost = [], [], [], []
     for k, frames in enumerate(captures):
         if frames.shape[1:] != tuple(camera.shape_rc):
             raise InputError(
@@ -127,30 +127,30 @@ def calibrate_projector(
                 f"are for {camera.shape_rc[1]} x {camera.shape_rc[0]}; give the calibration of this camera at this size"
             )
         try:
-            code = located(frames, shape_rc).place
+            code = find_correspondence(frames, shape_rc).projector_xy
         except InputError as problem:
             raise InputError(f"pose {k + 1}: {problem.sentence}", problem.hint) from None
-        found = find_corners(board, _eight_bit(frames[-2]))
-        lit = None if found is None else _on_projector(code, found[1], _square_px(found, board))
-        if found is None or lit is None or np.isfinite(lit[:, 0]).sum() < FEWEST:
+        found = find_corners(board, _stretch_to_8_bit(frames[-2]))
+        observed = None if found is None else _corners_on_projector(code, found[1], _square_px(found, board))
+        if found is None or observed is None or np.isfinite(observed[:, 0]).sum() < MIN_CORNERS:
             lost.append(str(k + 1))
             continue
-        known = np.isfinite(lit[:, 0])
-        places.append(corner_places(board)[found[0][known]])
+        known = np.isfinite(observed[:, 0])
+        object_points.append(corner_points(board)[found[0][known]])
         on_camera.append(found[1][known])
-        on_projector.append(lit[known])
-    if len(places) < FEWEST_PHOTOS:
+        on_projector.append(observed[known])
+    if len(object_points) < MIN_PHOTOS:
         raise InputError(
-            f"the board was found, and lit by the projector, in {len(places)} of {len(captures)} poses; at least "
-            f"{FEWEST_PHOTOS} are wanted. Is it in the view of both, and are the numbers of its squares right?"
+            f"the board was found, and lit by the projector, in {len(object_points)} of {len(captures)} poses; at "
+            f"least {MIN_PHOTOS} are wanted. Is it in the view of both, and are the numbers of its squares right?"
         )
     warnings = [Diagnostic("board-not-found", f"the board was not found in pose {', '.join(lost)}")] if lost else []
-    alone, kept = _calibrated(places, on_projector, shape_rc, warnings)
-    return _beside(camera, alone, [places[k] for k in kept], [on_camera[k] for k in kept])
+    projector_alone, kept = _calibrate(object_points, on_projector, shape_rc, warnings)
+    return _register_to_camera(camera, projector_alone, [object_points[k] for k in kept], [on_camera[k] for k in kept])
 
 
-def _calibrated(
-    places: list[Floats], corners: list[Floats], shape_rc: tuple[int, ...], warnings: list[Diagnostic]
+def _calibrate(
+    object_points: list[Floats], corners: list[Floats], shape_rc: tuple[int, ...], warnings: list[Diagnostic]
 ) -> tuple[Calibration, list[int]]:
     """Calibrate from corners, leave out photos that do not fit the others, and refuse what is not certain.
 
@@ -158,101 +158,107 @@ def _calibrated(
     -------
     Calibration, and the numbers of the photos that it rests on.
     """
-    result = _solve(places, corners, shape_rc)
-    kept = list(range(len(places)))
-    odd = result.errors_px > max(ODD_PX * float(np.median(result.errors_px)), 1.0)
-    if odd.any() and (~odd).sum() >= FEWEST_PHOTOS:
-        sentence = f"{odd.sum()} photos do not fit the others and were left out; was the board bent there?"
+    result = _solve(object_points, corners, shape_rc)
+    kept = list(range(len(object_points)))
+    outlier = result.errors_px > max(OUTLIER_FACTOR * float(np.median(result.errors_px)), 1.0)
+    if outlier.any() and (~outlier).sum() >= MIN_PHOTOS:
+        sentence = f"{outlier.sum()} photos do not fit the others and were left out; was the board bent there?"
         warnings = [*warnings, Diagnostic("photos-do-not-fit", sentence)]
-        kept = [k for k in kept if not odd[k]]
-        result = _solve([places[k] for k in kept], [corners[k] for k in kept], shape_rc)
+        kept = [k for k in kept if not outlier[k]]
+        result = _solve([object_points[k] for k in kept], [corners[k] for k in kept], shape_rc)
     normals = np.array([rotation[:, 2] for rotation, _ in result.poses])
-    turn = float(np.degrees(np.arccos(np.clip((normals @ normals.T).min(), -1, 1))))
-    if turn < ALIKE_DEG or result.focal_sd > SURE:
+    tilt_deg = float(np.degrees(np.arccos(np.clip((normals @ normals.T).min(), -1, 1))))
+    if tilt_deg < MIN_TILT_DEG or result.focal_sd > MAX_FOCAL_SD:
         raise InputError(
-            f"the board's poses are too alike: it turns by at most {turn:.0f} degrees from photo to photo (over "
-            f"{ALIKE_DEG:g} are wanted) and the focal length is known to {100 * result.focal_sd:.1f} % only (1 % is "
+            f"the board's poses are too alike: it turns by at most {tilt_deg:.0f} degrees from photo to photo (over "
+            f"{MIN_TILT_DEG:g} are wanted) and the focal length is known to {100 * result.focal_sd:.1f} % only (1 % is "
             "wanted); tilt the board by 20 to 40 degrees to all sides, and fill the view with it"
         )
     return replace(result, warnings=tuple(warnings)), kept
 
 
-def _solve(places: list[Floats], corners: list[Floats], shape_rc: tuple[int, ...]) -> Calibration:
+def _solve(object_points: list[Floats], corners: list[Floats], shape_rc: tuple[int, ...]) -> Calibration:
     rows, cols = shape_rc[:2]
     start = np.array([[1.2 * cols, 0, (cols - 1) / 2], [0, 1.2 * cols, (rows - 1) / 2], [0, 0, 1]])
-    rms, matrix, lens, turns, shifts, deviations, _, errors = cv2.calibrateCameraExtended(
-        [p.astype(np.float32) for p in places],
+    rms, matrix, lens, rotations, shifts, deviations, _, errors = cv2.calibrateCameraExtended(
+        [p.astype(np.float32) for p in object_points],
         [xy.astype(np.float32)[:, None] for xy in corners],
         (cols, rows),
         start,
         np.zeros(5),
         flags=cv2.CALIB_FIX_K3,
     )
-    poses = [(_matrix(r), np.ravel(t)) for r, t in zip(turns, shifts, strict=True)]
+    poses = [(_matrix(r), np.ravel(t)) for r, t in zip(rotations, shifts, strict=True)]
     focal_sd = float(np.ravel(deviations)[:2].max() / matrix[0, 0])
     camera = Camera(matrix, np.eye(3), np.zeros(3), (rows, cols), np.ravel(lens)[:4])
     return Calibration(camera, np.ravel(errors), float(rms), focal_sd, poses, corners)
 
 
-def _beside(camera: Camera, found: Calibration, places: list[Floats], on_camera: list[Floats]) -> Calibration:
+def _register_to_camera(
+    camera: Camera, calibration: Calibration, object_points: list[Floats], on_camera: list[Floats]
+) -> Calibration:
     """The projector put into the camera's world: the turn and shift that carry the board's poses from one to the other.
 
     First their mean over the poses, then least squares over all corners as both see them.
     """
     from scipy.optimize import least_squares
 
-    poses = [_pose(camera, place, xy) for place, xy in zip(places, on_camera, strict=True)]
-    turns = [r @ rc.T for (r, _), (rc, _) in zip(found.poses, poses, strict=True)]
-    rotation = nearest_rotation(np.sum(turns, axis=0))
-    shift = np.mean([t - rotation @ tc for (_, t), (_, tc) in zip(found.poses, poses, strict=True)], axis=0)
+    poses = [_pose(camera, object_xyz, xy) for object_xyz, xy in zip(object_points, on_camera, strict=True)]
+    rotations = [r @ rc.T for (r, _), (rc, _) in zip(calibration.poses, poses, strict=True)]
+    rotation = nearest_rotation(np.sum(rotations, axis=0))
+    shift = np.mean([t - rotation @ tc for (_, t), (_, tc) in zip(calibration.poses, poses, strict=True)], axis=0)
     start = np.concatenate([Rotation.from_matrix(rotation).as_rotvec(), shift])
-    space = np.concatenate([place @ r.T + t for place, (r, t) in zip(places, poses, strict=True)])
-    lit = np.concatenate(found.corners)
+    space = np.concatenate([object_xyz @ r.T + t for object_xyz, (r, t) in zip(object_points, poses, strict=True)])
+    observed = np.concatenate(calibration.corners)
 
-    def misses(x: Floats) -> Floats:
-        xy, _ = cv2.projectPoints(space, x[:3], x[3:], found.camera.matrix, found.camera.distortion)
-        return np.asarray(xy.reshape(-1, 2) - lit).ravel()
+    def reprojection_errors(x: Floats) -> Floats:
+        xy, _ = cv2.projectPoints(space, x[:3], x[3:], calibration.camera.matrix, calibration.camera.distortion)
+        return np.asarray(xy.reshape(-1, 2) - observed).ravel()
 
-    x = least_squares(misses, start, x_scale=np.array([1e-3] * 3 + [1.0] * 3), loss="soft_l1").x
-    lamp = found.camera
-    turn = _matrix(x[:3])
-    put = replace(lamp, rotation=turn @ camera.rotation, translation=turn @ np.ravel(camera.translation) + x[3:])
-    rms = float(np.sqrt((misses(x).reshape(-1, 2) ** 2).sum(axis=1).mean()))
-    return replace(found, camera=put, rms_px=rms)
+    x = least_squares(reprojection_errors, start, x_scale=np.array([1e-3] * 3 + [1.0] * 3), loss="soft_l1").x
+    projector = calibration.camera
+    rotation = _matrix(x[:3])
+    registered = replace(
+        projector, rotation=rotation @ camera.rotation, translation=rotation @ np.ravel(camera.translation) + x[3:]
+    )
+    rms = float(np.sqrt((reprojection_errors(x).reshape(-1, 2) ** 2).sum(axis=1).mean()))
+    return replace(calibration, camera=registered, rms_px=rms)
 
 
-def _pose(camera: Camera, place: Floats, xy: Floats) -> tuple[Floats, Floats]:
-    _, turn, shift = cv2.solvePnP(place, np.ascontiguousarray(xy), camera.matrix, camera.distortion)
-    turn, shift = cv2.solvePnPRefineLM(place, np.ascontiguousarray(xy), camera.matrix, camera.distortion, turn, shift)
-    return _matrix(turn), np.ravel(shift)
+def _pose(camera: Camera, object_xyz: Floats, xy: Floats) -> tuple[Floats, Floats]:
+    _, rotation_vector, shift = cv2.solvePnP(object_xyz, np.ascontiguousarray(xy), camera.matrix, camera.distortion)
+    rotation_vector, shift = cv2.solvePnPRefineLM(
+        object_xyz, np.ascontiguousarray(xy), camera.matrix, camera.distortion, rotation_vector, shift
+    )
+    return _matrix(rotation_vector), np.ravel(shift)
 
 
 def _matrix(rotation_vector: Floats) -> Floats:
     return np.asarray(Rotation.from_rotvec(np.ravel(rotation_vector)).as_matrix())
 
 
-def _on_projector(code: Floats, corners: Floats, square_px: float) -> Floats:
+def _corners_on_projector(code: Floats, corners: Floats, square_px: float) -> Floats:
     """Where corners of the camera's photo lie on the projector, (k, 2) [projector px]; NaN where it did not light.
 
     Code (rows, cols, 2) is where the camera's pixels lie on it.
     """
     known = np.argwhere(np.isfinite(code).all(axis=2))[:, ::-1].astype(np.float64)
-    reach = max(4.0, AROUND * square_px)
-    places = np.full((len(corners), 2), np.nan)
+    reach = max(4.0, HOMOGRAPHY_REACH * square_px)
+    object_points = np.full((len(corners), 2), np.nan)
     for k, corner in enumerate(corners):
         near = known[(np.abs(known - corner) < reach).all(axis=1)]
         if len(near) < 30:
             continue
-        lit = code[near[:, 1].astype(int), near[:, 0].astype(int)]
-        homography, _ = cv2.findHomography(near - corner, lit, cv2.LMEDS)
+        observed = code[near[:, 1].astype(int), near[:, 0].astype(int)]
+        homography, _ = cv2.findHomography(near - corner, observed, cv2.LMEDS)
         if homography is not None:
-            places[k] = homography[:2, 2] / homography[2, 2]
-    return places
+            object_points[k] = homography[:2, 2] / homography[2, 2]
+    return object_points
 
 
-def _square_px(found: tuple[NDArray[np.intp], Floats], board: Board) -> float:
+def _square_px(calibration: tuple[NDArray[np.intp], Floats], board: Board) -> float:
     """Side of the board's squares in the photo: distance of corners that are neighbours in a row, the median."""
-    rows_of, xy = found
+    rows_of, xy = calibration
     neighbours = (np.diff(rows_of) == 1) & (rows_of[1:] % (board.columns - 1) != 0)
     sides = np.linalg.norm(np.diff(xy, axis=0), axis=1)[neighbours]
     return float(np.median(sides)) if len(sides) else 20.0
@@ -267,7 +273,7 @@ def _check_sizes(photos: Sequence[NDArray[np.uint8]], names: Sequence[str]) -> N
             )
 
 
-def _eight_bit(grey: Grey) -> NDArray[np.uint8]:
+def _stretch_to_8_bit(grey: Grey) -> NDArray[np.uint8]:
     if grey.dtype == np.uint8:
         return np.asarray(grey, np.uint8)
     return (grey.astype(np.float32) * (255.0 / max(float(grey.max()), 1.0))).astype(np.uint8)

@@ -15,21 +15,21 @@ GAP = 20
 GROUND, LINE, TEXT = (252, 252, 250), (170, 170, 165), (70, 70, 70)
 
 
-def poses_picture(found: Calibration, board: Board) -> NDArray[np.uint8]:
+def draw_poses(calibration: Calibration, board: Board) -> NDArray[np.uint8]:
     """Draw all corners over the view, and the boards from above and from the side, the device at the foot.
 
     Returns
     -------
     (rows, cols, 3) uint8
     """
-    colours = [tuple(int(v) for v in colour) for colour in _colours(len(found.poses))]
+    colours = [tuple(int(v) for v in colour) for colour in _colours(len(calibration.poses))]
     size = np.array([board.columns, board.rows]) * board.square_mm
     outline = np.array([[0, 0, 0], [size[0], 0, 0], [*size, 0], [0, size[1], 0]])
-    boards = [outline @ rotation.T + shift for rotation, shift in found.poses]
+    boards = [outline @ rotation.T + shift for rotation, shift in calibration.poses]
     panels = [
-        _corners(found, colours),
-        _seen(boards, colours, (0, 2), "from above"),
-        _seen(boards, colours, (1, 2), "from the side"),
+        _draw_corners(calibration, colours),
+        _draw_boards(boards, colours, (0, 2), "from above"),
+        _draw_boards(boards, colours, (1, 2), "from the side"),
     ]
     margin = np.full((SIDE, GAP, 3), 255, np.uint8)
     return np.hstack([part for panel in panels for part in (panel, margin)][:-1])
@@ -40,20 +40,22 @@ def _colours(count: int) -> NDArray[np.uint8]:
     return np.asarray(cv2.applyColorMap(steps[:, None], cv2.COLORMAP_VIRIDIS)[:, 0, ::-1], np.uint8)
 
 
-def _corners(found: Calibration, colours: list[tuple[int, ...]]) -> NDArray[np.uint8]:
+def _draw_corners(calibration: Calibration, colours: list[tuple[int, ...]]) -> NDArray[np.uint8]:
     """The device's view with every corner in the colour of its photo."""
-    rows, cols = found.camera.shape_rc
+    rows, cols = calibration.camera.shape_rc
     scale = (SIDE - 2 * GAP) / max(rows, cols)
-    panel = _panel(f"corners in {len(found.corners)} photos, {found.rms_px:.2f} px rms")
+    panel = _panel(f"corners in {len(calibration.corners)} photos, {calibration.rms_px:.2f} px rms")
     low, high = np.array([GAP, 2 * GAP]), np.array([GAP + cols * scale, 2 * GAP + rows * scale])
     cv2.rectangle(panel, tuple(low), tuple(int(v) for v in high), LINE, 1, cv2.LINE_AA)
-    for xy, colour in zip(found.corners, colours, strict=True):
+    for xy, colour in zip(calibration.corners, colours, strict=True):
         for x, y in low + xy * scale:
             cv2.circle(panel, (round(x), round(y)), 2, colour, -1, cv2.LINE_AA)
     return panel
 
 
-def _seen(boards: list[Floats], colours: list[tuple[int, ...]], axes: tuple[int, int], title: str) -> NDArray[np.uint8]:
+def _draw_boards(
+    boards: list[Floats], colours: list[tuple[int, ...]], axes: tuple[int, int], title: str
+) -> NDArray[np.uint8]:
     """The boards' outlines along two axes of the device, which stands at the foot of the picture and looks up."""
     corners = np.concatenate([*boards, np.zeros((1, 3))])[:, axes]
     scale = (SIDE - 4 * GAP) / max(float(np.ptp(corners, axis=0).max()), 1.0)

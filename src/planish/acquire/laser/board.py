@@ -8,10 +8,10 @@ import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from planish.acquire.calibration.boards import Board, corner_places, find_corners
-from planish.acquire.laser.lines import brightest_colour, without_laser
-from planish.acquire.laser.stripes import Direction, find_stripes, print_of
-from planish.acquire.laser.sweep import crossings_xy, plane_of
+from planish.acquire.calibration.boards import Board, corner_points, find_corners
+from planish.acquire.laser.lines import laser_colour, without_laser
+from planish.acquire.laser.stripes import Direction, find_stripes, laser_off_image
+from planish.acquire.laser.sweep import crossings_xy, fit_plane
 from planish.color import to_grey
 from planish.errors import InputError
 from planish.geometry.axes import principal_axes
@@ -19,19 +19,19 @@ from planish.geometry.guards import normalize
 from planish.geometry.triangulation import meet_plane, rays
 from planish.types import Camera, Floats, Pixels
 
-FEWEST_ON_BOARD = 20
+MIN_CROSSINGS = 20
 """Rows or columns in which a line must be seen on a board."""
 
-ALIKE = 0.03
+COLLINEAR = 0.03
 """Of the length of what the lines show, their spread across it: with less, they are almost one line in space."""
 
-STRAIGHT = 0.04
+LINE_TOLERANCE = 0.04
 """Of a square: so far from a straight line what a laser lights on a board may lie; beyond it are stray gleams."""
 
 TRIALS = 300
 """Pairs of points that are tried for the line: with half of them stray one pair in four is good."""
 
-BOARD_MISFIT_PX = 2.0
+MAX_REPROJECTION_PX = 2.0
 """Rms distance of the board's corners from where the camera should see them."""
 
 
@@ -53,7 +53,7 @@ class LaserPlanes(NamedTuple):
     points: int
 
 
-def planes_of_boards(
+def calibrate_laser_planes(
     photos: list[Pixels], names: list[str], camera: Camera, board: Board, *, lines: int = 1
 ) -> LaserPlanes:
     """Find the planes of lasers from photos of a board in different poses, the lines on it.
@@ -72,23 +72,23 @@ def planes_of_boards(
     InputError
         If a photo shows no board or no line, or the poses are too alike to tell a plane from them.
     """
-    seen = points_on_boards(photos, names, camera, board, lines)
+    seen = laser_points_on_boards(photos, names, camera, board, lines)
     planes, rms = [], []
     for line in range(lines):
         points = np.concatenate([parts[line] for parts in seen])
         length, spread, _ = principal_axes(points)[1]
-        if spread < ALIKE * length:
+        if spread < COLLINEAR * length:
             raise InputError(
                 f"the laser's lines on {len(photos)} photos of the board are almost one line in space, "
                 f"{100 * spread / length:.1f} % of their length apart; show the board nearer and farther, and tilted"
             )
-        plane, off = plane_of(points)
+        plane, plane_rms = fit_plane(points)
         planes.append(plane)
-        rms.append(off)
+        rms.append(plane_rms)
     return LaserPlanes(np.array(planes), np.array(rms), sum(len(part) for parts in seen for part in parts))
 
 
-def points_on_boards(
+def laser_points_on_boards(
     photos: list[Pixels], names: list[str], camera: Camera, board: Board, lines: int = 1
 ) -> list[list[Floats]]:
     """Find what lasers light on a board: for every photo, for every line, points (k, 3) [mm] in the world.
@@ -107,10 +107,10 @@ def points_on_boards(
             )
         plane, outline = _pose(photo, name, camera, board)
         parts = []
-        for xy in _on_board(photo, name, outline, lines):
+        for xy in _lines_on_board(photo, name, outline, lines):
             directions, eye = rays(camera, xy)
-            points = _straight(meet_plane(eye, directions, plane), STRAIGHT * board.square_mm)
-            if len(points) < FEWEST_ON_BOARD:
+            points = _inliers_of_line(meet_plane(eye, directions, plane), LINE_TOLERANCE * board.square_mm)
+            if len(points) < MIN_CROSSINGS:
                 raise InputError(
                     f"in {name} no straight laser line is seen on the board; is the laser on, the number of lines "
                     "right, and does each cross the squares?"
@@ -120,61 +120,63 @@ def points_on_boards(
     return seen
 
 
-def _straight(points: Floats, off: float) -> Floats:
+def _inliers_of_line(points: Floats, tolerance: float) -> Floats:
     """Those of points (k, 3) that lie on one straight line, the one on which most do."""
     points = points[np.isfinite(points).all(axis=1)]
     pairs = np.random.default_rng(0).integers(max(len(points), 1), size=(TRIALS, 2))
     best = np.zeros(len(points), bool)
     for a, b in points[pairs] if len(points) else ():
-        way = normalize(b - a)
-        beside = points - a
-        near = np.linalg.norm(beside - np.outer(beside @ way, way), axis=1) < off
+        direction = normalize(b - a)
+        offset = points - a
+        near = np.linalg.norm(offset - np.outer(offset @ direction, direction), axis=1) < tolerance
         best = near if near.sum() > best.sum() else best
     return points[best]
 
 
 def _pose(photo: Pixels, name: str, camera: Camera, board: Board) -> tuple[Floats, Floats]:
     """The board's plane (4,) in the world, and the outline (k, 2) of its corners on the photo."""
-    found = find_corners(board, to_grey(without_laser(photo, brightest_colour(photo))))
+    found = find_corners(board, to_grey(without_laser(photo, laser_colour(photo))))
     if found is None:
         raise InputError(
             f"{name} shows no {board.kind} of {board.columns} x {board.rows} squares; it must be in view, sharp, and "
             "its numbers right"
         )
     rows, xy = found
-    true = corner_places(board)[rows]
-    _, turn, shift = cv2.solvePnP(true, xy, camera.matrix, camera.distortion)
-    again = cv2.projectPoints(true, turn, shift, camera.matrix, camera.distortion)[0].reshape(-1, 2)
-    off = float(np.sqrt(((again - xy) ** 2).sum(axis=1).mean()))
-    if off > BOARD_MISFIT_PX:
+    object_points = corner_points(board)[rows]
+    _, rotation_vector, shift = cv2.solvePnP(object_points, xy, camera.matrix, camera.distortion)
+    reprojected = cv2.projectPoints(object_points, rotation_vector, shift, camera.matrix, camera.distortion)[0].reshape(
+        -1, 2
+    )
+    rms = float(np.sqrt(((reprojected - xy) ** 2).sum(axis=1).mean()))
+    if rms > MAX_REPROJECTION_PX:
         raise InputError(
-            f"in {name} the board's corners are {off:.1f} pixels rms from where this camera would see them; is this "
+            f"in {name} the board's corners are {rms:.1f} pixels rms from where this camera would see them; is this "
             "the calibration of this camera?"
         )
-    normal = Rotation.from_rotvec(np.ravel(turn)).as_matrix()[:, 2]  # in the camera
-    away = float(normal @ (shift.ravel() - np.ravel(camera.translation)))
+    normal = Rotation.from_rotvec(np.ravel(rotation_vector)).as_matrix()[:, 2]  # in the camera
+    distance = float(normal @ (shift.ravel() - np.ravel(camera.translation)))
     outline = cv2.convexHull(xy.astype(np.float32)).reshape(-1, 2).astype(np.float64)
-    return np.array([*(normal @ camera.rotation), -away]), outline
+    return np.array([*(normal @ camera.rotation), -distance]), outline
 
 
-def _on_board(photo: Pixels, name: str, outline: Floats, lines: int) -> list[Floats]:
+def _lines_on_board(photo: Pixels, name: str, outline: Floats, lines: int) -> list[Floats]:
     """Photo places (k, 2) of each line within the board."""
-    channel = brightest_colour(photo)
-    off = without_laser(photo, channel)
+    channel = laser_colour(photo)
+    laser_off = without_laser(photo, channel)
     inside = cv2.fillPoly(np.zeros(photo.shape[:2], np.uint8), [np.rint(outline).astype(np.int32)], 1).astype(bool)
-    lit = np.where(inside[..., None], photo, off)
+    masked = np.where(inside[..., None], photo, laser_off)
     best: list[Floats] = []
     directions: tuple[Direction, ...] = ("rows", "columns")
     for along in directions:
-        stripes = find_stripes(lit, print_of(off, channel, along), channel, along, lines=lines)
+        stripes = find_stripes(masked, laser_off_image(laser_off, channel, along), channel, along, lines=lines)
         good = np.isfinite(stripes.at).all(axis=1) & (stripes.sd < 1.0).all(axis=1)
         found = [crossings_xy(stripes.at[:, line], along)[good] for line in range(lines)]
         if not best or len(found[0]) > len(best[0]):
             best = found
-    if len(best[0]) < FEWEST_ON_BOARD:
+    if len(best[0]) < MIN_CROSSINGS:
         raise InputError(
             f"in {name} {lines} laser {'line is' if lines == 1 else 'lines are'} seen on the board in {len(best[0])} "
-            f"rows; at least {FEWEST_ON_BOARD} are wanted. Is the laser on, and does its line cross the "
+            f"rows; at least {MIN_CROSSINGS} are wanted. Is the laser on, and does its line cross the "
             "squares?"
         )
     return best

@@ -9,21 +9,28 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.spatial import cKDTree
 
-from planish.acquire.laser.lines import axes_of, on_cylinder, points_of, profile_gap, profiled, two_lines
+from planish.acquire.laser.lines import (
+    cylinder_axes,
+    find_two_lines,
+    intersect_cylinder,
+    line_points,
+    profile_gap,
+    smooth_profile,
+)
 from planish.acquire.laser.squares import Squares, find_squares
 from planish.errors import InputError
 from planish.geometry.rigid_fit import fit_rigid
 from planish.geometry.triangulation import rays
 from planish.types import Camera, Floats, Pixels
 
-CENTRED = 0.02
+CENTRE_SIGMA = 0.02
 """Of the focal length: how far a lens's axis is usually off the photo's middle. It counts as one corner of a square
 does, so that it decides only where the squares do not, as on flat paper."""
 
-FIT = 0.05
+ROBUST_SCALE = 0.05
 """Squares: corners farther from their places count less."""
 
-GOOD_FIT = 0.4
+MAX_RMS = 0.4
 """Rms distance, in squares, of the corners from their places, above which the lasers are not found."""
 
 
@@ -47,8 +54,8 @@ class LaserRig(NamedTuple):
     corners: int
 
 
-def rig_of_squares(
-    lit: Pixels, photo: Pixels | None, camera: Camera, square_mm: float, *, lens: bool = False
+def calibrate_laser_rig(
+    laser_on: Pixels, photo: Pixels | None, camera: Camera, square_mm: float, *, lens: bool = False
 ) -> LaserRig:
     """Find the planes of two lasers by which squared paper comes out squared.
 
@@ -58,7 +65,7 @@ def rig_of_squares(
 
     Parameters
     ----------
-    lit : (rows, cols, 3) uint8 or uint16
+    laser_on : (rows, cols, 3) uint8 or uint16
         Squared paper, flat or bent like a book, with both lines across it.
     photo : (rows, cols, 3) uint8 or uint16, optional
         The same view with the lasers off.
@@ -74,37 +81,41 @@ def rig_of_squares(
     InputError
         If there are no squares, no lines, or no planes that fit both.
     """
-    if lit.shape[:2] != tuple(camera.shape_rc):
+    if laser_on.shape[:2] != tuple(camera.shape_rc):
         raise InputError(
-            f"the photo is {lit.shape[1]} x {lit.shape[0]} pixels, but the camera's numbers are for "
+            f"the photo is {laser_on.shape[1]} x {laser_on.shape[0]} pixels, but the camera's numbers are for "
             f"{camera.shape_rc[1]} x {camera.shape_rc[0]}; give the calibration of this camera at this size"
         )
-    at = two_lines(lit, photo)
-    lattices = find_squares(lit if photo is None else photo)
+    at = find_two_lines(laser_on, photo)
+    lattices = find_squares(laser_on if photo is None else photo)
     if not lattices:
         raise InputError("no squares are seen on the photo; a sheet of squared paper, its lines upright, is wanted")
-    still = replace(camera, rotation=np.eye(3), translation=np.zeros(3))
+    camera_frame = replace(camera, rotation=np.eye(3), translation=np.zeros(3))
 
-    start = [_start(at[:, line], still, lattices) for line in range(2)]
-    depth = float(np.mean([middle for _, middle in start]))
+    initial = [_initial_plane(at[:, line], camera_frame, lattices) for line in range(2)]
+    depth = float(np.mean([middle for _, middle in initial]))
 
-    def misses(guess: Floats) -> Floats:
-        seen_by = _with_lens(still, guess[8:])
-        upper, lower = points_of(at, seen_by, _planes(guess, depth))
-        axes = axes_of(still, guess[6:8])
-        cylinder = profiled(upper, lower, np.zeros(3), axes)
-        off = [_off_lattice(on_cylinder(cylinder, rays(seen_by, s.xy)[0])[1], s) for s in lattices]
-        usual = guess[9:] / CENTRED * FIT
-        return np.concatenate([usual, profile_gap(upper, lower, np.zeros(3), axes), *(part.ravel() for part in off)])
+    def residuals(parameters: Floats) -> Floats:
+        seen_by = _with_lens(camera_frame, parameters[8:])
+        upper, lower = line_points(at, seen_by, _planes(parameters, depth))
+        axes = cylinder_axes(camera_frame, parameters[6:8])
+        cylinder = smooth_profile(upper, lower, np.zeros(3), axes)
+        residual = [_lattice_residual(intersect_cylinder(cylinder, rays(seen_by, s.xy)[0])[1], s) for s in lattices]
+        prior = parameters[9:] / CENTRE_SIGMA * ROBUST_SCALE
+        return np.concatenate(
+            [prior, profile_gap(upper, lower, np.zeros(3), axes), *(part.ravel() for part in residual)]
+        )
 
-    guess = np.concatenate([_about(plane, depth) for plane, _ in start] + [np.zeros(2 + 3 * lens)])
-    room = np.array(2 * [0.3, 0.7, 0.3 * depth] + [0.3, 0.3] + lens * [0.4, 0.1, 0.1])
-    bounds = guess - room, guess + room
-    best = least_squares(misses, guess, bounds=bounds, x_scale=room, loss="soft_l1", f_scale=FIT, max_nfev=60).x
+    parameters = np.concatenate([_about_depth(plane, depth) for plane, _ in initial] + [np.zeros(2 + 3 * lens)])
+    half_range = np.array(2 * [0.3, 0.7, 0.3 * depth] + [0.3, 0.3] + lens * [0.4, 0.1, 0.1])
+    bounds = parameters - half_range, parameters + half_range
+    best = least_squares(
+        residuals, parameters, bounds=bounds, x_scale=half_range, loss="soft_l1", f_scale=ROBUST_SCALE, max_nfev=60
+    ).x
     corners = sum(len(squares.xy) for squares in lattices)
-    off = misses(best)[-2 * corners :]
-    rms = float(np.sqrt(2 * np.mean(off**2)))
-    if not rms < GOOD_FIT:
+    residual = residuals(best)[-2 * corners :]
+    rms = float(np.sqrt(2 * np.mean(residual**2)))
+    if not rms < MAX_RMS:
         raise InputError(
             f"with the best planes of the lasers the squares' corners are still {rms:.2f} squares rms off a lattice; "
             "is this the camera's calibration, and the sheet bent along one direction only?"
@@ -127,47 +138,47 @@ def _with_lens(camera: Camera, lens: Floats) -> Camera:
     return replace(camera, matrix=matrix, distortion=np.array([lens[0], 0.0, 0, 0]))
 
 
-def _planes(guess: Floats, depth: float) -> Floats:
+def _planes(parameters: Floats, depth: float) -> Floats:
     """Planes (2, 4) from y = p x + q (z - depth) + r each, in squares."""
-    planes = np.array([[p, -1.0, q, r - q * depth] for p, q, r in (guess[:3], guess[3:6])])
+    planes = np.array([[p, -1.0, q, r - q * depth] for p, q, r in (parameters[:3], parameters[3:6])])
     return np.asarray(planes / np.linalg.norm(planes[:, :3], axis=1, keepdims=True))
 
 
-def _about(plane: Floats, depth: float) -> Floats:
+def _about_depth(plane: Floats, depth: float) -> Floats:
     """p, q, r of y = p x + q (z - depth) + r from those of y = p x + q z + r."""
     return plane + [0, 0, plane[1] * depth]
 
 
-def _start(at: Floats, camera: Camera, lattices: list[Squares]) -> tuple[Floats, float]:
+def _initial_plane(at: Floats, camera: Camera, lattices: list[Squares]) -> tuple[Floats, float]:
     """p, q, r of y = p x + q z + r [squares] through a line's points, and the middle of their depths.
 
     The depths come from the height of the squares around them.
     """
-    places, depth = [], []
+    positions, depth = [], []
     for squares in lattices:
         row = {(i, j): k for k, (i, j) in enumerate(squares.ij.tolist())}
         pairs = np.array([(k, row[i, j + 1]) for (i, j), k in row.items() if (i, j + 1) in row])
         a, b = squares.xy[pairs[:, 0]], squares.xy[pairs[:, 1]]
-        places.append((a + b) / 2)
+        positions.append((a + b) / 2)
         depth.append(camera.matrix[1, 1] / np.linalg.norm(b - a, axis=1))
     known = np.isfinite(at)
     xy = np.column_stack([np.flatnonzero(known), at[known]])
-    off, near = cKDTree(np.concatenate(places)).query(xy, k=8)
+    residual, near = cKDTree(np.concatenate(positions)).query(xy, k=8)
     z = np.median(np.concatenate(depth)[near], axis=1)
-    close = off[:, 0] < np.median(off[:, 0]) * 4
-    directions, _ = rays(camera, xy[close])
-    points = directions * (z[close] / directions[:, 2])[:, None]
+    nearby = residual[:, 0] < np.median(residual[:, 0]) * 4
+    directions, _ = rays(camera, xy[nearby])
+    points = directions * (z[nearby] / directions[:, 2])[:, None]
     basis = np.column_stack([points[:, 0], points[:, 2], np.ones(len(points))])
     return np.linalg.lstsq(basis, points[:, 1])[0], float(np.median(points[:, 2]))
 
 
-def _off_lattice(flat: Floats, squares: Squares) -> Floats:
+def _lattice_residual(flat: Floats, squares: Squares) -> Floats:
     """Unrolled corners (n, 2) less those of a lattice of unit squares, turned and shifted to fit best; 0 if unknown."""
     known = np.isfinite(flat).all(axis=1)
-    off = np.zeros_like(flat)
+    residual = np.zeros_like(flat)
     if known.sum() < 3:
-        return off
-    got, true = flat[known], squares.ij[known].astype(np.float64)
-    rotation, shift = fit_rigid(true, got)
-    off[known] = got - (true @ rotation.T + shift)
-    return off
+        return residual
+    observed, lattice = flat[known], squares.ij[known].astype(np.float64)
+    rotation, shift = fit_rigid(lattice, observed)
+    residual[known] = observed - (lattice @ rotation.T + shift)
+    return residual

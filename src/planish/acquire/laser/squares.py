@@ -15,16 +15,16 @@ from planish.types import Floats, Pixels
 LINE_PX = 7
 """Length over which a printed line is straight enough to be averaged along."""
 
-GROUND_PX = 31
+BACKGROUND_PX = 31
 """Side of the neighbourhood whose brightness is paper's."""
 
-FAINTEST = 0.02
+MIN_CONTRAST = 0.02
 """Darkness of both lines at a corner, in parts of the paper's brightness, from which it counts."""
 
-NEAR = 0.3
+TOLERANCE = 0.3
 """Of a square's side: so far from where its neighbours promise it a corner may lie."""
 
-FEWEST = 60
+MIN_CORNERS = 60
 """Corners of one lattice; smaller ones are print that looks like squares."""
 
 
@@ -63,86 +63,89 @@ def find_squares(photo: Pixels) -> list[Squares]:
     """
     corners = _corners(photo)
     found: list[Squares] = []
-    free = np.ones(len(corners), bool)
-    while free.sum() >= FEWEST:
-        lattice = _grown(corners, free)
+    unused = np.ones(len(corners), bool)
+    while unused.sum() >= MIN_CORNERS:
+        lattice = _grow_lattice(corners, unused)
         if lattice is None:
             break
         rows, ij = lattice
-        free[rows] = False
-        if len(rows) >= FEWEST:
+        unused[rows] = False
+        if len(rows) >= MIN_CORNERS:
             found.append(Squares(ij, corners[rows]))
     return sorted(found, key=lambda squares: float(squares.xy[:, 0].mean()))
 
 
 def _corners(photo: Pixels) -> Floats:
     """Places (n, 2) where two lines cross, the clearest first."""
-    grey = (photo[..., 0].astype(np.float32) + photo[..., 2]) / 2
-    paper = cv2.GaussianBlur(cv2.dilate(grey, np.ones((GROUND_PX, GROUND_PX))), (0, 0), GROUND_PX / 2)
-    dark = cv2.GaussianBlur(1 - grey / np.maximum(paper, 1), (0, 0), 0.8)
+    red_blue = (photo[..., 0].astype(np.float32) + photo[..., 2]) / 2
+    paper = cv2.GaussianBlur(cv2.dilate(red_blue, np.ones((BACKGROUND_PX, BACKGROUND_PX))), (0, 0), BACKGROUND_PX / 2)
+    dark = cv2.GaussianBlur(1 - red_blue / np.maximum(paper, 1), (0, 0), 0.8)
     across, down = (cv2.blur(dark, size) for size in ((LINE_PX, 1), (1, LINE_PX)))
     # a line is darker than what lies three pixels to either side of it
     ridge_across = across - np.maximum(np.roll(across, 3, axis=0), np.roll(across, -3, axis=0))
     ridge_down = down - np.maximum(np.roll(down, 3, axis=1), np.roll(down, -3, axis=1))
     response = cv2.GaussianBlur(np.minimum(ridge_across, ridge_down), (0, 0), 1.0)
-    top = (response >= cv2.dilate(response, np.ones((5, 5)))) & (response > FAINTEST)
+    top = (response >= cv2.dilate(response, np.ones((5, 5)))) & (response > MIN_CONTRAST)
     top[:4], top[-4:], top[:, :4], top[:, -4:] = False, False, False, False
     rows, cols = np.nonzero(top)
     order = np.argsort(-response[rows, cols])
     rows, cols = rows[order], cols[order]
-    place = np.column_stack([cols, rows]).astype(np.float64)
+    position = np.column_stack([cols, rows]).astype(np.float64)
     for axis, (r, c) in enumerate(((0, 1), (1, 0))):  # the top of a parabola through three pixels
         before, here, behind = response[rows - r, cols - c], response[rows, cols], response[rows + r, cols + c]
-        bend = np.minimum(before + behind - 2 * here, -TINY_SHARE)
-        place[:, axis] += np.clip((before - behind) / (2 * bend), -0.5, 0.5)
-    return place
+        curvature = np.minimum(before + behind - 2 * here, -TINY_SHARE)
+        position[:, axis] += np.clip((before - behind) / (2 * curvature), -0.5, 0.5)
+    return position
 
 
-def _grown(corners: Floats, free: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]] | None:
+def _grow_lattice(corners: Floats, unused: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]] | None:
     """The lattice around the clearest free corner that has four neighbours: its rows, and their (i, j)."""
     tree = cKDTree(corners)
-    for seed in np.flatnonzero(free):
-        steps = _steps(corners, tree, int(seed))
+    for seed in np.flatnonzero(unused):
+        steps = _lattice_steps(corners, tree, int(seed))
         if steps is not None:
-            return _walked(corners, free, tree, int(seed), steps)
+            return _walk_lattice(corners, unused, tree, int(seed), steps)
     return None
 
 
-def _steps(corners: Floats, tree: cKDTree, seed: int) -> tuple[Floats, Floats] | None:
+def _lattice_steps(corners: Floats, tree: cKDTree, seed: int) -> tuple[Floats, Floats] | None:
     """One square to the right and one down from a corner, from its four neighbours; None if they are not alike."""
     _, near = tree.query(corners[seed], k=9)
-    way = corners[near[1:]] - corners[seed]
+    step_vector = corners[near[1:]] - corners[seed]
     steps = []
     for axis in (0, 1):
-        straight = np.abs(way[:, 1 - axis]) < 0.5 * np.abs(way[:, axis])
-        ahead, back = way[straight & (way[:, axis] > 0)], way[straight & (way[:, axis] < 0)]
-        if not len(ahead) or not len(back):
+        straight = np.abs(step_vector[:, 1 - axis]) < 0.5 * np.abs(step_vector[:, axis])
+        forward, backward = (
+            step_vector[straight & (step_vector[:, axis] > 0)],
+            step_vector[straight & (step_vector[:, axis] < 0)],
+        )
+        if not len(forward) or not len(backward):
             return None
-        ahead, back = ahead[0], back[0]  # nearest first
-        if np.linalg.norm(ahead + back) > NEAR * np.linalg.norm(ahead):
+        forward, backward = forward[0], backward[0]  # nearest first
+        if np.linalg.norm(forward + backward) > TOLERANCE * np.linalg.norm(forward):
             return None
-        steps.append((ahead - back) / 2)
+        steps.append((forward - backward) / 2)
     return steps[0], steps[1]
 
 
-def _walked(
-    corners: Floats, free: NDArray[np.bool_], tree: cKDTree, seed: int, steps: tuple[Floats, Floats]
+def _walk_lattice(
+    corners: Floats, unused: NDArray[np.bool_], tree: cKDTree, seed: int, steps: tuple[Floats, Floats]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Breadth first from corner to corner; every corner keeps the steps that led to it."""
-    place = {(0, 0): seed}
-    taken = {seed}
+    position = {(0, 0): seed}
+    visited = {seed}
     queue = [((0, 0), steps)]
     for (i, j), (right, down) in queue:  # grows while it is walked
-        here = corners[place[i, j]]
+        here = corners[position[i, j]]
         for di, dj, step in ((1, 0, right), (-1, 0, -right), (0, 1, down), (0, -1, -down)):
             there = (i + di, j + dj)
-            if there in place:
+            if there in position:
                 continue
-            off, k = tree.query(here + step)
-            if off > NEAR * np.linalg.norm(step) or k in taken or not free[k]:
+            distance, k = tree.query(here + step)
+            if distance > TOLERANCE * np.linalg.norm(step) or k in visited or not unused[k]:
                 continue
-            place[there] = int(k)
-            taken.add(int(k))
-            way = (corners[k] - here) * (di + dj)
-            queue.append((there, (way, down) if di else (right, way)))
-    return np.array(list(place.values())), np.array(list(place.keys()))
+            position[there] = int(k)
+            visited.add(int(k))
+            step_vector = (corners[k] - here) * (di + dj)
+            queue.append((there, (step_vector, down) if di else (right, step_vector)))
+    return np.array(list(position.values())), np.array(list(position.keys()))

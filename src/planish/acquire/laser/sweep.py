@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from planish.acquire.grid_mesh import Acquired, grid_mesh
+from planish.acquire.grid_mesh import AcquiredScan, grid_mesh
 from planish.acquire.laser.crossings import Sweep
-from planish.acquire.laser.stripes import Direction, find_stripes, laser_channel, print_of
-from planish.acquire.laser.sweep_grid import cell_of, gridded
+from planish.acquire.laser.stripes import Direction, find_stripes, laser_channel, laser_off_image
+from planish.acquire.laser.sweep_grid import grid_cell_px, resample_to_grid
 from planish.acquire.laser.sweep_order import check_order
-from planish.acquire.range_image.depth import back_projected, on_mask
+from planish.acquire.range_image.depth import apply_mask, back_project
 from planish.document.sheet_outline import sheet_mask
 from planish.errors import InputError
 from planish.geometry import depths, project
@@ -22,25 +22,25 @@ from planish.geometry.guards import TINY_MM
 from planish.geometry.triangulation import meet_plane, rays
 from planish.types import Bools, Camera, Diagnostic, Floats, Pixels, Scan
 
-ENOUGH = 500
+DIRECTION_SAMPLES = 500
 """Rows, or columns, to tell the lines' direction from."""
 
 SEEN_SHARE = 0.02
 """Of a photo's rows in which a line must be found for the photo to show the laser at all."""
 
-TOO_CLIPPED, CLIPPED_MUCH = 0.7, 0.35
+CLIPPED_REFUSED, CLIPPED_WARNED = 0.7, 0.35
 """Part of the line's pixels in which the sensor is full: refused, and warned of."""
 
-UNSURE = 6.0
+MAX_RELATIVE_SD = 6.0
 """Crossings with more than so many times the usual standard deviation are left out: half a line at the sheet's edge."""
 
-FEWEST_ON_WALL = 10
+MIN_WALL_ROWS = 10
 """Rows in which a line must be seen on each known plane of the background."""
 
-WALL_MISFIT = 0.005
+MAX_WALL_RMS = 0.005
 """Rms, in parts of the lit stretch, by which a line on the background may miss one plane."""
 
-Tell = Callable[[str, float], None]
+Progress = Callable[[str, float], None]
 
 
 def sweep_stripes(
@@ -50,7 +50,7 @@ def sweep_stripes(
     *,
     lines: int = 1,
     divide: bool = True,
-    tell: Tell = lambda name, share: None,
+    progress: Progress = lambda name, share: None,
 ) -> Sweep:
     """Find the laser in every photo of a sweep; one photo is in memory at a time.
 
@@ -66,7 +66,7 @@ def sweep_stripes(
         Laser lines in each photo.
     divide : bool
         Whether the print is divided out; only to measure what that is worth.
-    tell : callable
+    progress : callable
         Told the stage's name and the share that is done.
 
     Raises
@@ -79,16 +79,16 @@ def sweep_stripes(
     channel = laser_channel(middle, photo)
     along = _direction(middle, photo, channel, lines)
     del middle  # 36 MB that the peak does not need
-    off = print_of(photo, channel, along, divide=divide)
-    found = np.full((2, len(names), len(off.light), lines), np.nan, np.float32)
+    laser_off = laser_off_image(photo, channel, along, divide=divide)
+    found = np.full((2, len(names), len(laser_off.light), lines), np.nan, np.float32)
     clipped = np.zeros(len(names))
     for k, name in enumerate(names):
-        lit = frame(k)
-        _check_size(lit, name, photo)
-        stripes = find_stripes(lit, off, channel, along, lines=lines)
+        laser_on = frame(k)
+        _check_size(laser_on, name, photo)
+        stripes = find_stripes(laser_on, laser_off, channel, along, lines=lines)
         found[:, k] = stripes.at, stripes.sd
         clipped[k] = stripes.clipped_share
-        tell("laser", (k + 1) / len(names))
+        progress("laser", (k + 1) / len(names))
     warnings: list[Diagnostic] = []
     _check_exposure(clipped, names, warnings)  # first: a line that is clipped all over is not found
     _check_seen(found[0], names, warnings)
@@ -103,7 +103,7 @@ def from_laser(
     planes: Floats,
     *,
     mask: Bools | str | None = "auto",
-) -> Acquired:
+) -> AcquiredScan:
     """Make a scan from a sweep: every crossing of a line and a row lies where the pixel's ray meets the laser's plane.
 
     The points of all photos are brought onto a grid of the camera's pixels, one in so many as the line moves from
@@ -129,23 +129,25 @@ def from_laser(
         If the camera's numbers are for another size, planes and photos do not belong together, or nothing is seen.
     """
     _check_camera(photo, camera)
-    sweep = sweep._replace(at=np.where(sweep.sd > UNSURE * np.nanmedian(sweep.sd), np.float32(np.nan), sweep.at))
+    sweep = sweep._replace(
+        at=np.where(sweep.sd > MAX_RELATIVE_SD * np.nanmedian(sweep.sd), np.float32(np.nan), sweep.at)
+    )
     inverse = _inverse_depths(sweep, camera, planes)
     check_order(sweep, camera, planes, inverse, names)
-    cell = cell_of(sweep)
-    depth, agree, noise = gridded(sweep, inverse, camera, cell)
+    cell = grid_cell_px(sweep)
+    depth, agreement, noise = resample_to_grid(sweep, inverse, camera, cell)
     if sweep.along == "columns":
-        depth, agree, noise = depth.T, agree.T, noise.T
-    coarse = coarser(camera, cell, depth.shape)
-    points = back_projected(coarse, depth)
-    sheet, said = sheet_mask(photo, mask)
+        depth, agreement, noise = depth.T, agreement.T, noise.T
+    coarse = downscale_camera(camera, cell, depth.shape)
+    points = back_project(coarse, depth)
+    sheet, mask_warnings = sheet_mask(photo, mask)
     if sheet is not None:
-        points = on_mask(points, camera, sheet)
+        points = apply_mask(points, camera, sheet)
     noise_mm = float(np.nanmedian(np.where(np.isfinite(points[..., 0]), noise, np.nan)))
     mesh, pixel_xy = grid_mesh(points, coarse, noise_mm=noise_mm)
     column, row = pixel_xy.astype(int).T
     scan = Scan(mesh, photo, project(camera, mesh.points), camera)
-    return Acquired(scan, agree[row, column], noise_mm, (*sweep.warnings, *said))
+    return AcquiredScan(scan, agreement[row, column], noise_mm, (*sweep.warnings, *mask_warnings))
 
 
 def planes_from_background(sweep: Sweep, names: list[str], camera: Camera, known: Floats, regions: Floats) -> Floats:
@@ -178,16 +180,16 @@ def planes_from_background(sweep: Sweep, names: list[str], camera: Camera, known
         points = []
         for plane, (left, top, right, bottom) in zip(known, regions, strict=True):
             inside = ((xy >= [left, top]) & (xy <= [right, bottom])).all(axis=1)
-            if inside.sum() < FEWEST_ON_WALL:
+            if inside.sum() < MIN_WALL_ROWS:
                 raise InputError(
                     f"in {name} the laser is seen in {inside.sum()} rows of the background's region [{left:g}, "
-                    f"{top:g}, {right:g}, {bottom:g}]; at least {FEWEST_ON_WALL} are wanted. Leave the photo out, or "
+                    f"{top:g}, {right:g}, {bottom:g}]; at least {MIN_WALL_ROWS} are wanted. Leave the photo out, or "
                     "correct the region"
                 )
             points.append(meet_plane(eye, directions[inside], plane))
-        planes[k, 0], rms = plane_of(np.concatenate(points))
+        planes[k, 0], rms = fit_plane(np.concatenate(points))
         size = float(np.linalg.norm(np.ptp(np.concatenate(points), axis=0)))
-        if not rms < WALL_MISFIT * size:
+        if not rms < MAX_WALL_RMS * size:
             raise InputError(
                 f"in {name} what the laser lights on the background is {rms:.2f} mm rms off one plane; are its planes "
                 "those of this setup, and is this the calibration of this camera?"
@@ -195,7 +197,7 @@ def planes_from_background(sweep: Sweep, names: list[str], camera: Camera, known
     return planes
 
 
-def plane_of(points: Floats) -> tuple[Floats, float]:
+def fit_plane(points: Floats) -> tuple[Floats, float]:
     """The plane (4,) through points (n, 3) that is least far from them, and their distance from it, rms [mm].
 
     One point in a hundred may be far off: those beyond three times the rms are left out once.
@@ -205,13 +207,13 @@ def plane_of(points: Floats) -> tuple[Floats, float]:
     for _ in range(2):
         middle = points.mean(axis=0)
         normal = principal_axes(points)[0][2]
-        off = (points - middle) @ normal
-        plane, rms = np.array([*normal, -normal @ middle]), float(np.sqrt((off**2).mean()))
-        points = points[np.abs(off) <= max(3 * rms, TINY_MM)]
+        laser_off = (points - middle) @ normal
+        plane, rms = np.array([*normal, -normal @ middle]), float(np.sqrt((laser_off**2).mean()))
+        points = points[np.abs(laser_off) <= max(3 * rms, TINY_MM)]
     return plane, rms
 
 
-def coarser(camera: Camera, cell: int, shape_rc: tuple[int, ...]) -> Camera:
+def downscale_camera(camera: Camera, cell: int, shape_rc: tuple[int, ...]) -> Camera:
     """The camera with pixels `cell` times as large, their centres at integers again."""
     matrix = camera.matrix.copy()
     matrix[:2] /= cell
@@ -233,41 +235,42 @@ def _inverse_depths(sweep: Sweep, camera: Camera, planes: Floats) -> Floats:
             directions, eye = rays(camera, crossings_xy(sweep.at[k, :, line], sweep.along))
             inverse[k, :, line] = 1 / depths(camera, meet_plane(eye, directions, planes[k, line]))
     seen = np.isfinite(sweep.at)
-    before = np.isfinite(inverse[seen]).mean() if seen.any() else 0.0
-    if before < 0.5:
+    share_in_front = np.isfinite(inverse[seen]).mean() if seen.any() else 0.0
+    if share_in_front < 0.5:
         raise InputError(
-            f"{100 * (1 - before):.0f} % of what the laser lit would lie behind the camera by these planes; they "
-            "belong to another camera or another frame of coordinates, or their unit is not mm"
+            f"{100 * (1 - share_in_front):.0f} % of what the laser lit would lie behind the camera by these planes; "
+            "they belong to another camera or another frame of coordinates, or their unit is not mm"
         )
     return inverse
 
 
-def _direction(lit: Pixels, photo: Pixels, channel: int, lines: int) -> Direction:
+def _direction(laser_on: Pixels, photo: Pixels, channel: int, lines: int) -> Direction:
     """Along the rows or the columns: where lines are narrower, and found in more of them."""
     best: Direction = "rows"
     most = -1.0
     directions: tuple[Direction, ...] = ("rows", "columns")
     for along in directions:
-        count = lit.shape[0 if along == "rows" else 1]
-        few = slice(None, None, max(1, count // ENOUGH))
-        on, off = (p[few] if along == "rows" else p[:, few] for p in (lit, photo))
-        stripes = find_stripes(on, print_of(off, channel, along), channel, along, lines=lines)
-        good = np.isfinite(stripes.at).all(axis=1)
-        score = float(good.mean() / np.median(stripes.width[good])) if good.any() else 0.0
+        count = laser_on.shape[0 if along == "rows" else 1]
+        sample = slice(None, None, max(1, count // DIRECTION_SAMPLES))
+        with_laser, laser_off = (p[sample] if along == "rows" else p[:, sample] for p in (laser_on, photo))
+        stripes = find_stripes(with_laser, laser_off_image(laser_off, channel, along), channel, along, lines=lines)
+        detected = np.isfinite(stripes.at).all(axis=1)
+        score = float(detected.mean() / np.median(stripes.width[detected])) if detected.any() else 0.0
         if score > most:
             best, most = along, score
     return best
 
 
-def _check_size(lit: Pixels, name: str, photo: Pixels) -> None:
-    if lit.shape != photo.shape:
+def _check_size(laser_on: Pixels, name: str, photo: Pixels) -> None:
+    if laser_on.shape != photo.shape:
         raise InputError(
-            f"{name} is {lit.shape[1]} x {lit.shape[0]} pixels, the laser-off photo {photo.shape[1]} x "
+            f"{name} is {laser_on.shape[1]} x {laser_on.shape[0]} pixels, the laser-off photo {photo.shape[1]} x "
             f"{photo.shape[0]}; give photos of one camera at one size"
         )
-    if lit.dtype != photo.dtype:
+    if laser_on.dtype != photo.dtype:
         raise InputError(
-            f"{name} has {8 * lit.itemsize} bits, the laser-off photo {8 * photo.itemsize}; give photos of one kind"
+            f"{name} has {8 * laser_on.itemsize} bits, the laser-off photo {8 * photo.itemsize}; give photos of one "
+            "kind"
         )
 
 
@@ -281,26 +284,29 @@ def _check_camera(photo: Pixels, camera: Camera) -> None:
 
 
 def _check_seen(at: Floats, names: list[str], warnings: list[Diagnostic]) -> None:
-    blind = np.flatnonzero(np.isfinite(at).all(axis=2).mean(axis=1) < SEEN_SHARE)
-    if len(blind) > len(names) / 2:
+    without_line = np.flatnonzero(np.isfinite(at).all(axis=2).mean(axis=1) < SEEN_SHARE)
+    if len(without_line) > len(names) / 2:
         raise InputError(
-            f"no laser line is seen in {len(blind)} of {len(names)} photos ({_some(blind, names)}): nowhere do they "
-            "stand out from the laser-off photo; is the laser on, the room dark enough, and the number of lines right?"
+            f"no laser line is seen in {len(without_line)} of {len(names)} photos "
+            f"({_name_some(without_line, names)}): nowhere do they stand out from the laser-off photo; is the laser "
+            "on, the room dark enough, and the number of lines right?"
         )
-    if len(blind):
-        sentence = f"no laser line is seen in {len(blind)} of {len(names)} photos: {_some(blind, names)}"
+    if len(without_line):
+        sentence = (
+            f"no laser line is seen in {len(without_line)} of {len(names)} photos: {_name_some(without_line, names)}"
+        )
         warnings.append(Diagnostic("laser-not-seen", sentence))
 
 
 def _check_exposure(clipped: Floats, names: list[str], warnings: list[Diagnostic]) -> None:
     share = float(np.median(clipped))
-    if share > TOO_CLIPPED:
+    if share > CLIPPED_REFUSED:
         raise InputError(
             f"the photos are overexposed: {100 * share:.0f} % of the laser line's pixels are as bright as the camera "
-            f"can tell ({_some(np.flatnonzero(clipped > TOO_CLIPPED), names)}); expose for a shorter time, or dim the "
-            "laser"
+            f"can tell ({_name_some(np.flatnonzero(clipped > CLIPPED_REFUSED), names)}); expose for a shorter time, "
+            "or dim the laser"
         )
-    if share > CLIPPED_MUCH:
+    if share > CLIPPED_WARNED:
         warnings.append(
             Diagnostic(
                 "laser-overexposed",
@@ -310,6 +316,6 @@ def _check_exposure(clipped: Floats, names: list[str], warnings: list[Diagnostic
         )
 
 
-def _some(which: NDArray[np.int64], names: list[str]) -> str:
+def _name_some(which: NDArray[np.int64], names: list[str]) -> str:
     shown = ", ".join(names[k] for k in which[:4])
     return f"{shown} and {len(which) - 4} more" if len(which) > 4 else shown

@@ -13,21 +13,21 @@ from planish.types import Camera, Floats
 WIDEST_GAP = 4.0
 """Between two photos' lines, in grid cells: what lies in a wider one was not seen."""
 
-SUREST = 0.02
+MIN_SD_PX = 0.02
 """Pixels: speckle keeps lines from being placed better, whatever the camera's noise says."""
 
 OUTLIER = 2.5
 """Samples that miss the first fit by more than so many times its rms do not count in the second."""
 
 
-def cell_of(sweep: Sweep) -> int:
+def grid_cell_px(sweep: Sweep) -> int:
     """Camera pixels to a side of a grid cell: as many as a line moves from one photo to the next."""
     at = np.sort(sweep.at.transpose(1, 0, 2).reshape(sweep.at.shape[1], -1), axis=1)
     steps = np.diff(at, axis=1)
     return max(1, round(float(np.nanmedian(steps))))
 
 
-def gridded(sweep: Sweep, inverse: Floats, camera: Camera, cell: int) -> tuple[Floats, Floats, Floats]:
+def resample_to_grid(sweep: Sweep, inverse: Floats, camera: Camera, cell: int) -> tuple[Floats, Floats, Floats]:
     """Depth [mm], share of the rows that agree, and standard deviation [mm], each (grid rows, grid columns)."""
     count = sweep.at.shape[1]
     length = camera.shape_rc[1 if sweep.along == "rows" else 0]
@@ -35,18 +35,18 @@ def gridded(sweep: Sweep, inverse: Floats, camera: Camera, cell: int) -> tuple[F
     at = np.where(np.isfinite(w), at, np.nan)
     order = np.argsort(at, axis=1)  # NaN last
     at, w, sd = (np.take_along_axis(v, order, axis=1) for v in (at, w, sd))
-    used = np.isfinite(at).sum(axis=1)
+    count_valid = np.isfinite(at).sum(axis=1)
     shape = -(-count // cell), -(-length // cell)
-    grid_w, agree, grid_sd = (np.full(shape, np.nan) for _ in range(3))
+    grid_w, agreement, grid_sd = (np.full(shape, np.nan) for _ in range(3))
     focal = camera.matrix[0, 0] if sweep.along == "rows" else camera.matrix[1, 1]
     with thread_pool() as parallel_for:
-        parallel_for(_fit_grid, shape[0], cell, at, w, sd, used, focal, grid_w, agree, grid_sd, block=8)
+        parallel_for(_fit_grid, shape[0], cell, at, w, sd, count_valid, focal, grid_w, agreement, grid_sd, block=8)
     depth = 1 / grid_w
-    return depth, agree, grid_sd * depth**2
+    return depth, agreement, grid_sd * depth**2
 
 
 @njit(cache=True, nogil=True)
-def _fit_grid(first, last, cell, at, w, sd, used, focal, grid_w, agree, grid_sd):  # type: ignore[no-untyped-def]
+def _fit_grid(first, last, cell, at, w, sd, count_valid, focal, grid_w, agreement, grid_sd):  # type: ignore[no-untyped-def]
     """Fit w = a + b x + c y + e x^2 around every grid point, to two samples on either side in each of its rows."""
     x, y, z, q = np.empty(4 * cell), np.empty(4 * cell), np.empty(4 * cell), np.empty(4 * cell)
     result = np.empty(3)
@@ -58,22 +58,22 @@ def _fit_grid(first, last, cell, at, w, sd, used, focal, grid_w, agree, grid_sd)
             n, full = 0, 0
             for r in range(rows):
                 row = i * cell + r
-                while behind[r] < used[row] and at[row, behind[r]] < middle:
+                while behind[r] < count_valid[row] and at[row, behind[r]] < middle:
                     behind[r] += 1
                 m = behind[r]
-                if m == 0 or m == used[row] or at[row, m] - at[row, m - 1] > WIDEST_GAP * cell:
+                if m == 0 or m == count_valid[row] or at[row, m] - at[row, m - 1] > WIDEST_GAP * cell:
                     continue
                 full += 1
-                for k in range(max(m - 2, 0), min(m + 2, used[row])):
+                for k in range(max(m - 2, 0), min(m + 2, count_valid[row])):
                     if abs(at[row, k] - middle) <= WIDEST_GAP * cell:
                         x[n], y[n], z[n] = at[row, k] - middle, r - (cell - 1) / 2, w[row, k]
-                        q[n] = 1 / max(sd[row, k], SUREST) ** 2
+                        q[n] = 1 / max(sd[row, k], MIN_SD_PX) ** 2
                         n += 1
             if 2 * full < rows or not _fit_sheet(n, x, y, z, q, result):
                 continue
             # across a jump samples scatter more than on the steepest surface that is joined
             if result[1] <= STEEPEST / 2 * result[0] / focal:
-                grid_w[i, j], grid_sd[i, j], agree[i, j] = result[0], result[1], result[2] * full / rows
+                grid_w[i, j], grid_sd[i, j], agreement[i, j] = result[0], result[1], result[2] * full / rows
 
 
 @njit(cache=True, nogil=True)
@@ -85,7 +85,7 @@ def _fit_sheet(n, x, y, z, q, result):  # type: ignore[no-untyped-def]
         normal, right = np.zeros((4, 4)), np.zeros(4)
         kept = 0
         for k in range(n):
-            if abs(_miss(x[k], y[k], z[k] - base, fit)) > limit:
+            if abs(_residual(x[k], y[k], z[k] - base, fit)) > limit:
                 continue
             kept += 1
             row = (1.0, x[k], y[k], x[k] * x[k])
@@ -102,9 +102,9 @@ def _fit_sheet(n, x, y, z, q, result):  # type: ignore[no-untyped-def]
         fit = inverse @ right
         square = 0.0
         for k in range(n):
-            miss = _miss(x[k], y[k], z[k] - base, fit)
-            if abs(miss) <= limit:
-                square += q[k] * miss * miss
+            residual = _residual(x[k], y[k], z[k] - base, fit)
+            if abs(residual) <= limit:
+                square += q[k] * residual * residual
         variance = square / max(kept - 4, 1)
         limit = OUTLIER * np.sqrt(square / normal[0, 0])
     result[0] = base + fit[0]
@@ -114,5 +114,5 @@ def _fit_sheet(n, x, y, z, q, result):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _miss(x, y, z, fit):  # type: ignore[no-untyped-def]
+def _residual(x, y, z, fit):  # type: ignore[no-untyped-def]
     return z - fit[0] - fit[1] * x - fit[2] * y - fit[3] * x * x

@@ -10,7 +10,7 @@ from planish.geometry import project
 from planish.geometry.triangulation import meet_plane, rays
 from planish.types import Camera, Floats
 
-STILL = 0.05
+MIN_STEP = 0.05
 """Of the usual step: two photos in which the line has moved by less show it in one place."""
 
 
@@ -34,33 +34,33 @@ def check_order(sweep: Sweep, camera: Camera, planes: Floats, inverse: Floats, n
     InputError
     """
     seen = np.flatnonzero(np.isfinite(sweep.at[..., 0]).any(axis=1))
-    expected = _expected(sweep, camera, planes[seen, 0], 1 / float(np.nanmedian(inverse)))
+    expected = _expected_positions(sweep, camera, planes[seen, 0], 1 / float(np.nanmedian(inverse)))
     seen, expected = seen[np.isfinite(expected)], expected[np.isfinite(expected)]
     order = np.argsort(expected)
     seen, expected = seen[order], np.diff(expected[order])
-    moved = _moved(sweep.at[seen, :, 0])
-    usual, usual_expected = np.nanmedian(moved), np.nanmedian(expected)
-    still = (np.abs(moved) < STILL * abs(usual)) & (expected > 0.5 * usual_expected)
-    for k in np.flatnonzero(still)[:1]:
+    steps = _median_steps(sweep.at[seen, :, 0])
+    typical, typical_expected = np.nanmedian(steps), np.nanmedian(expected)
+    unmoved = (np.abs(steps) < MIN_STEP * abs(typical)) & (expected > 0.5 * typical_expected)
+    for k in np.flatnonzero(unmoved)[:1]:
         raise InputError(
             f"{names[seen[k]]} and {names[seen[k + 1]]} show the laser in the same place, but their planes differ; was "
             "one photo doubled, and another lost?"
         )
-    back = np.flatnonzero(moved < 0)
-    if len(back) > max(2, len(moved) / 4):
+    backward = np.flatnonzero(steps < 0)
+    if len(backward) > max(2, len(steps) / 4):
         raise InputError(
-            f"the photos are not in the order of their planes: in {len(back)} of {len(moved)} steps from plane to "
-            f"plane the laser jumps back, first from {names[seen[back[0]]]} to {names[seen[back[0] + 1]]}; were they "
-            "shuffled, or is this the calibration of another camera?"
+            f"the photos are not in the order of their planes: in {len(backward)} of {len(steps)} steps from plane to "
+            f"plane the laser jumps back, first from {names[seen[backward[0]]]} to {names[seen[backward[0] + 1]]}; "
+            "were they shuffled, or is this the calibration of another camera?"
         )
-    if len(back):
+    if len(backward):
         raise InputError(
-            f"the laser jumps back from {names[seen[back[0]]]} to {names[seen[back[0] + 1]]}, though its planes move "
-            "on; are these photos in the wrong order?"
+            f"the laser jumps back from {names[seen[backward[0]]]} to {names[seen[backward[0] + 1]]}, though its "
+            "planes move on; are these photos in the wrong order?"
         )
 
 
-def _expected(sweep: Sweep, camera: Camera, planes: Floats, depth: float) -> Floats:
+def _expected_positions(sweep: Sweep, camera: Camera, planes: Floats, depth: float) -> Floats:
     """Where each plane would cross the middle row (column) of the photo on a wall at the usual depth, (frames,)."""
     rows, cols = camera.shape_rc
     along = np.linspace(0, cols - 1, 2) if sweep.along == "rows" else np.linspace(0, rows - 1, 2)
@@ -69,18 +69,18 @@ def _expected(sweep: Sweep, camera: Camera, planes: Floats, depth: float) -> Flo
     directions, eye = rays(camera, xy)
     wall = np.array([*camera.rotation[2], np.ravel(camera.translation)[2] - depth])
     near, far = meet_plane(eye, directions, wall)
-    way = far - near
-    share = -(planes[:, :3] @ near + planes[:, 3]) / (planes[:, :3] @ way)
-    places = project(camera, near + share[:, None] * way)
-    return np.asarray(places[:, 0 if sweep.along == "rows" else 1])
+    span = far - near
+    share = -(planes[:, :3] @ near + planes[:, 3]) / (planes[:, :3] @ span)
+    crossings = project(camera, near + share[:, None] * span)
+    return np.asarray(crossings[:, 0 if sweep.along == "rows" else 1])
 
 
-def _moved(at: Floats) -> Floats:
+def _median_steps(at: Floats) -> Floats:
     """Median over the rows of how far the line moves between frames that follow each other; NaN without a row."""
-    moved = np.full(len(at) - 1, np.nan)
-    for k in range(len(moved)):
+    steps = np.full(len(at) - 1, np.nan)
+    for k in range(len(steps)):
         step = at[k + 1] - at[k]
         step = step[np.isfinite(step)]
         if len(step):
-            moved[k] = np.median(step)
-    return moved
+            steps[k] = np.median(step)
+    return steps

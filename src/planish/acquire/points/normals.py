@@ -13,13 +13,13 @@ from planish.types import Bools, Floats
 NEIGHBOURS = 24
 """That a plane is fitted to around every point; twice, four times, eight times as many where noise asks for it."""
 
-WIDE = 4.0
+MIN_REACH = 4.0
 """The neighbours must reach this many standard deviations of the noise, or the plane stands any way."""
 
-LONELY = 4.0
+ISOLATED = 4.0
 """Points whose eighth neighbour is this many times as far away as usual are strays..."""
 
-ASTRAY = 4.0
+OUTLIER = 4.0
 """...and so are those off their neighbours' plane by so many standard deviations of the noise, ..."""
 
 CREASE = 0.5
@@ -28,14 +28,14 @@ CREASE = 0.5
 COARSE = 4.0
 """Sides are made to agree among points this many spacings apart; the others follow the nearest."""
 
-LINKS = 10
+GRAPH_NEIGHBOURS = 10
 """Neighbours of each such point that it may agree with."""
 
 BLOCK = 50_000
 
 
 @dataclass(frozen=True, eq=False)
-class Patches:
+class TangentPlanes:
     """Planes around the points of a cloud.
 
     Attributes
@@ -56,37 +56,37 @@ class Patches:
     noise_mm: float
 
 
-def patches(points: Floats) -> Patches:
+def fit_tangent_planes(points: Floats) -> TangentPlanes:
     """Fit a plane to the neighbours of every point, (n, 3) [mm], and leave out strays.
 
     Examples
     --------
     >>> rng = np.random.default_rng(0)
     >>> sheet = np.column_stack([rng.uniform(0, 100, (10_000, 2)), 0.1 * rng.standard_normal(10_000)])
-    >>> found = patches(np.vstack([sheet, [50.0, 50, 30]]))
+    >>> found = fit_tangent_planes(np.vstack([sheet, [50.0, 50, 30]]))
     >>> bool(found.kept[-1]), round(found.spacing_mm, 1), round(found.noise_mm, 1)
     (False, 1.0, 0.1)
     """
     count = NEIGHBOURS
     while True:
-        normals, off, reach, near = _planes(points, min(count, len(points)))
-        noise = 1.4826 * float(np.median(np.abs(off)))
-        if np.median(reach) >= WIDE * noise or count >= 8 * NEIGHBOURS:
+        normals, residual, reach, near = _fit_planes(points, min(count, len(points)))
+        noise = 1.4826 * float(np.median(np.abs(residual)))
+        if np.median(reach) >= MIN_REACH * noise or count >= 8 * NEIGHBOURS:
             break
         count *= 2
     spacing = float(np.median(reach) * np.sqrt(np.pi / count))
-    kept = (near < LONELY * np.median(near)) & (np.abs(off) < max(ASTRAY * noise, CREASE * spacing))
-    return Patches(kept, normals[kept], spacing, noise)
+    kept = (near < ISOLATED * np.median(near)) & (np.abs(residual) < max(OUTLIER * noise, CREASE * spacing))
+    return TangentPlanes(kept, normals[kept], spacing, noise)
 
 
-def _planes(points: Floats, count: int) -> tuple[Floats, Floats, Floats, Floats]:
+def _fit_planes(points: Floats, count: int) -> tuple[Floats, Floats, Floats, Floats]:
     """Planes through the nearest points of each: their normals, and how far the point is off its own.
 
     Then how far away the last of the nearest is, and the eighth.
     """
     tree = cKDTree(points)
     normals = np.empty_like(points)
-    off, reach, eighth = np.empty((3, len(points)))
+    residual, reach, eighth = np.empty((3, len(points)))
     for first in range(0, len(points), BLOCK):
         some = slice(first, first + BLOCK)
         distance, near = tree.query(points[some], count, workers=2)
@@ -95,12 +95,12 @@ def _planes(points: Floats, count: int) -> tuple[Floats, Floats, Floats, Floats]
         around -= middle[:, None]
         spread = np.matmul(around.swapaxes(1, 2), around)
         normals[some] = np.linalg.eigh(spread)[1][:, :, 0]
-        off[some] = ((points[some] - middle) * normals[some]).sum(axis=1)
+        residual[some] = ((points[some] - middle) * normals[some]).sum(axis=1)
         reach[some], eighth[some] = distance[:, -1], distance[:, 8]
-    return normals, off, reach, eighth
+    return normals, residual, reach, eighth
 
 
-def oriented(points: Floats, normals: Floats, spacing_mm: float, towards: Floats) -> Floats:
+def orient_normals(points: Floats, normals: Floats, spacing_mm: float, towards: Floats) -> Floats:
     """Turn normals so that neighbours agree, and each piece of the surface faces where most of its points should.
 
     Agreement spreads along a minimum spanning tree of the neighbours whose normals differ least (Hoppe et al. 1992),
@@ -116,23 +116,23 @@ def oriented(points: Floats, normals: Floats, spacing_mm: float, towards: Floats
     cells = np.floor((points - points.min(axis=0)) / (COARSE * spacing_mm)).astype(np.int64)
     some = np.unique(cells, axis=0, return_index=True)[1]
     tree = cKDTree(points[some])
-    near = tree.query(points[some], min(LINKS + 1, len(some)), workers=2)[1].reshape(len(some), -1)[:, 1:]
-    here = np.repeat(np.arange(len(some)), near.shape[1])
-    there = near.ravel()
-    agree = (normals[some][here] * normals[some][there]).sum(axis=1)
-    links = sparse.coo_matrix((1.001 - np.abs(agree), (here, there)), shape=(len(some), len(some)))
+    near = tree.query(points[some], min(GRAPH_NEIGHBOURS + 1, len(some)), workers=2)[1].reshape(len(some), -1)[:, 1:]
+    first_end = np.repeat(np.arange(len(some)), near.shape[1])
+    second_end = near.ravel()
+    agree = (normals[some][first_end] * normals[some][second_end]).sum(axis=1)
+    links = sparse.coo_matrix((1.001 - np.abs(agree), (first_end, second_end)), shape=(len(some), len(some)))
     forest = sparse.csgraph.minimum_spanning_tree(links.tocsr())
     pieces, piece = sparse.csgraph.connected_components(forest, directed=False)
     sign = np.zeros(len(some))
     for k in range(pieces):
         root = int(np.argmax(piece == k))
         sign[root] = 1.0
-        order, before = sparse.csgraph.breadth_first_order(forest, root, directed=False)
+        order, parent = sparse.csgraph.breadth_first_order(forest, root, directed=False)
         for at in order[1:]:
-            same = normals[some[at]] @ normals[some[before[at]]]
-            sign[at] = sign[before[at]] * (1.0 if same >= 0 else -1.0)
-    follow = tree.query(points, workers=2)[1]
-    leader = normals[some[follow]] * sign[follow, None]
-    turned = normals * np.where((normals * leader).sum(axis=1) >= 0, 1.0, -1.0)[:, None]
-    votes = np.bincount(piece[follow], np.sign((turned * towards).sum(axis=1)), pieces)
-    return np.asarray(turned * np.where(votes >= 0, 1.0, -1.0)[piece[follow], None])
+            same = normals[some[at]] @ normals[some[parent[at]]]
+            sign[at] = sign[parent[at]] * (1.0 if same >= 0 else -1.0)
+    leader_of = tree.query(points, workers=2)[1]
+    leader = normals[some[leader_of]] * sign[leader_of, None]
+    flipped = normals * np.where((normals * leader).sum(axis=1) >= 0, 1.0, -1.0)[:, None]
+    votes = np.bincount(piece[leader_of], np.sign((flipped * towards).sum(axis=1)), pieces)
+    return np.asarray(flipped * np.where(votes >= 0, 1.0, -1.0)[piece[leader_of], None])

@@ -21,7 +21,7 @@ MOST_PIXELS = 40e6
 
 MARGIN_PX = 8
 
-MIXED = 4
+BLENDED_POINTS = 4
 """Nearest points whose colours are mixed."""
 
 BLOCK = 200_000
@@ -51,7 +51,7 @@ def camera_above(mesh: Mesh, pixel_mm: float) -> Camera:
     return Camera(matrix, rotation, np.array([0, 0, distance]) - rotation @ middle, (rows, cols))
 
 
-def photo_of_points(mesh: Mesh, camera: Camera, points: Floats, colours: Pixels) -> Pixels:
+def render_points(mesh: Mesh, camera: Camera, points: Floats, colours: Pixels) -> Pixels:
     """Take a photo of a mesh in the colours of the points that it was made from.
 
     Beside the mesh the colours of its border run on: black there would bleed into it, and be taken for the ground.
@@ -85,10 +85,12 @@ def photo_of_points(mesh: Mesh, camera: Camera, points: Floats, colours: Pixels)
         r, c = row[first : first + BLOCK], col[first : first + BLOCK]
         w = weights[r, c].astype(np.float64)
         shares = np.column_stack([1 - w.sum(axis=1), w])
-        place = (shares[..., None] * mesh.points[mesh.faces[face[r, c]]]).sum(axis=1)
-        away, near = tree.query(place, min(MIXED, len(points)), workers=2)
-        weight = 1 / np.maximum(away.reshape(len(r), -1), 1e-6) ** 2
-        mixed = (weight[..., None] * colours[near.reshape(len(r), -1)]).sum(axis=1) / weight.sum(axis=1, keepdims=True)
-        photo[r, c] = np.rint(mixed)
+        position = (shares[..., None] * mesh.points[mesh.faces[face[r, c]]]).sum(axis=1)
+        distance, near = tree.query(position, min(BLENDED_POINTS, len(points)), workers=2)
+        weight = 1 / np.maximum(distance.reshape(len(r), -1), 1e-6) ** 2
+        blended = (weight[..., None] * colours[near.reshape(len(r), -1)]).sum(axis=1) / weight.sum(
+            axis=1, keepdims=True
+        )
+        photo[r, c] = np.rint(blended)
     nearest = ndimage.distance_transform_edt(face < 0, return_distances=False, return_indices=True)
     return np.asarray(photo[nearest[0], nearest[1]])

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from planish.acquire.grid_mesh import Acquired
-from planish.acquire.points.cut import cut_out
-from planish.acquire.points.normals import oriented, patches
-from planish.acquire.points.photo import PIXEL, camera_above, photo_of_points
-from planish.acquire.points.surface import CELL, mesher, surface
+from planish.acquire.grid_mesh import AcquiredScan
+from planish.acquire.points.crop import crop_to_sheet
+from planish.acquire.points.normals import fit_tangent_planes, orient_normals
+from planish.acquire.points.photo import PIXEL, camera_above, render_points
+from planish.acquire.points.surface import CELL, import_marching_cubes, reconstruct_surface
 from planish.acquire.range_image.depth import check_photo_size
 from planish.acquire.range_image.grid import plausible_origin
 from planish.document.sheet_outline import sheet_mask
@@ -18,10 +18,10 @@ from planish.geometry import project
 from planish.geometry.guards import TINY_MM
 from planish.types import Bools, Camera, Diagnostic, Floats, Pixels, Scan
 
-FEWEST = 500
+MIN_POINTS = 500
 """Points that a sheet must have: fewer do not even show a fold."""
 
-MOST = 600_000
+MAX_POINTS = 600_000
 """More points are averaged, cell by cell, down to about so many before they are meshed."""
 
 
@@ -34,7 +34,7 @@ def from_points(
     *,
     seen_from: Floats | None = None,
     mask: Bools | str | None = "auto",
-) -> Acquired:
+) -> AcquiredScan:
     """Make a scan from points in any order.
 
     Which side is printed is told by `seen_from` or the camera, else by the normals, else by the origin if it lies in
@@ -62,42 +62,42 @@ def from_points(
     MissingExtraError
         If scikit-image is not installed.
     """
-    mesher()
+    import_marching_cubes()
     if photo is not None and photo_camera is not None:
         check_photo_size(photo, photo_camera)
     known = np.isfinite(points).all(axis=1) & points.any(axis=1)
-    if known.sum() < FEWEST:
+    if known.sum() < MIN_POINTS:
         raise InputError(
             f"{known.sum():,} of {len(points):,} points have a place (three finite numbers, not all 0); a sheet needs "
-            f"at least {FEWEST:,}"
+            f"at least {MIN_POINTS:,}"
         )
     points = points[known]
     colours = None if colours is None else colours[known]
-    some, hints = _thinned(points, None if normals is None else normals[known])
-    found = patches(some)
-    some = some[found.kept]
-    towards, warnings = _printed_side(some, None if hints is None else hints[found.kept], photo_camera, seen_from)
-    facing = oriented(some, found.normals, found.spacing_mm, towards)
-    mesh = surface(some, facing, found.spacing_mm)
+    sample, hints = _subsample(points, None if normals is None else normals[known])
+    found = fit_tangent_planes(sample)
+    sample = sample[found.kept]
+    outward, warnings = _printed_side(sample, None if hints is None else hints[found.kept], photo_camera, seen_from)
+    oriented = orient_normals(sample, found.normals, found.spacing_mm, outward)
+    mesh = reconstruct_surface(sample, oriented, found.spacing_mm)
     if photo is None and colours is not None:
         photo_camera = camera_above(mesh, PIXEL * found.spacing_mm)
-        photo = photo_of_points(mesh, photo_camera, points, colours)
+        photo = render_points(mesh, photo_camera, points, colours)
     if photo is not None:
-        sheet, told = sheet_mask(photo, mask)
-        warnings += told
+        sheet, mask_warnings = sheet_mask(photo, mask)
+        warnings += mask_warnings
         assert photo_camera is not None
         if sheet is not None:
-            mesh = cut_out(mesh, photo_camera, sheet, CELL * found.spacing_mm, found.noise_mm)
+            mesh = crop_to_sheet(mesh, photo_camera, sheet, CELL * found.spacing_mm, found.noise_mm)
     camera = photo_camera or camera_above(mesh, found.spacing_mm)  # without a photo, places to draw a picture by
     scan = Scan(mesh, photo, project(camera, mesh.points), None if photo is None else photo_camera)
-    return Acquired(scan, _confidence(mesh.points, some), found.noise_mm, tuple(warnings))
+    return AcquiredScan(scan, _confidence(mesh.points, sample), found.noise_mm, tuple(warnings))
 
 
-def _thinned(points: Floats, normals: Floats | None) -> tuple[Floats, Floats | None]:
-    """At most about `MOST` points: means over the cells of a grid."""
-    if len(points) <= MOST:
+def _subsample(points: Floats, normals: Floats | None) -> tuple[Floats, Floats | None]:
+    """At most about `MAX_POINTS` points: means over the cells of a grid."""
+    if len(points) <= MAX_POINTS:
         return points, normals
-    side = _spacing(points) * np.sqrt(len(points) / MOST)
+    side = _spacing(points) * np.sqrt(len(points) / MAX_POINTS)
     cells = np.floor((points - points.min(axis=0)) / side).astype(np.int64)
     size = cells.max(axis=0) + 1
     cell = np.unique((cells[:, 0] * size[1] + cells[:, 1]) * size[2] + cells[:, 2], return_inverse=True)[1]
@@ -111,8 +111,8 @@ def _thinned(points: Floats, normals: Floats | None) -> tuple[Floats, Floats | N
 
 def _spacing(points: Floats) -> float:
     """Side of the square that belongs to a point, by the distance of the eighth neighbour of some."""
-    some = points[:: 1 + len(points) // 5000]
-    return float(np.median(cKDTree(points).query(some, 9, workers=2)[0][:, -1]) * np.sqrt(np.pi / 8))
+    sample = points[:: 1 + len(points) // 5000]
+    return float(np.median(cKDTree(points).query(sample, 9, workers=2)[0][:, -1]) * np.sqrt(np.pi / 8))
 
 
 def _printed_side(

@@ -18,36 +18,36 @@ from planish.types import Bools, Floats, Ints, Mesh
 CELL = 1.5
 """Side of a grid cell, in spacings of the points."""
 
-BROAD = 1.2
+KERNEL_WIDTH = 1.2
 """Width of the Gaussian that weighs points, in cells: about eight points count."""
 
 NEAREST = 24
 """Points that are asked at each node."""
 
-MOST_NODES = 1e8
+MAX_NODES = 1e8
 """Of the grid's box, filled or not; larger sheets get larger cells."""
 
 SNAP = 0.15
 """Nodes nearer to the surface than this part of a cell are taken to lie on it, which spares slivers; the corners are
 moved back to the surface afterwards."""
 
-SAME = 1e-3
+MERGE_TOLERANCE = 1e-3
 """Corners nearer to each other, in cells, are one."""
 
 AROUND = 16
 """Points that are looked at to tell whether the mesh runs on where there are none."""
 
-OPEN_DEG = 215.0
+BORDER_GAP_DEG = 215.0
 """A corner of the mesh is off the sheet if no point lies in so wide an angle around it; on a straight border it
 is 180."""
 
-ASIDE = 0.3
+ONE_SIDED = 0.3
 """Only corners are asked whose neighbours lie this much to one side, in parts of their distance."""
 
 BLOCK = 50_000
 
 
-def surface(points: Floats, normals: Floats, spacing_mm: float) -> Mesh:
+def reconstruct_surface(points: Floats, normals: Floats, spacing_mm: float) -> Mesh:
     """Mesh the surface through points.
 
     Parameters
@@ -71,10 +71,10 @@ def surface(points: Floats, normals: Floats, spacing_mm: float) -> Mesh:
     MissingExtraError
         If scikit-image is not installed.
     """
-    marching_cubes = mesher()
+    marching_cubes = import_marching_cubes()
     tree = cKDTree(points)
     cell = max(
-        CELL * spacing_mm, float((np.prod(np.ptp(points, axis=0) + 6 * CELL * spacing_mm) / MOST_NODES) ** (1 / 3))
+        CELL * spacing_mm, float((np.prod(np.ptp(points, axis=0) + 6 * CELL * spacing_mm) / MAX_NODES) ** (1 / 3))
     )
     low = points.min(axis=0) - 3 * cell
     at = np.floor((points - low) / cell).astype(np.int64)
@@ -82,26 +82,26 @@ def surface(points: Floats, normals: Floats, spacing_mm: float) -> Mesh:
     near[tuple(at.T)] = True
     near = ndimage.binary_dilation(near, np.ones((4, 4, 4), bool), origin=-1)  # the corners of its cell, and one more
     nodes = np.argwhere(near)
-    off = _signed_distance(low + nodes * cell, points, normals, tree, BROAD * cell)[0]
+    distance_mm = _signed_distance(low + nodes * cell, points, normals, tree, KERNEL_WIDTH * cell)[0]
     distance = np.ones(near.shape, np.float32)
-    distance[near] = np.where(np.abs(off) < SNAP * cell, 0, off)
-    none = InputError(f"the {len(points):,} points make no surface; are they those of a sheet, and dense enough?")
+    distance[near] = np.where(np.abs(distance_mm) < SNAP * cell, 0, distance_mm)
+    no_surface = InputError(f"the {len(points):,} points make no surface; are they those of a sheet, and dense enough?")
     try:
         vertices, faces, _, _ = marching_cubes(distance, 0.0, mask=_whole_cells(near))
     except (ValueError, RuntimeError):  # no crossing anywhere
-        raise none from None
-    vertices, faces = _merged(vertices, faces)
+        raise no_surface from None
+    vertices, faces = _merge_vertices(vertices, faces)
     vertices = low + cell * vertices.astype(np.float64)
-    off, upward = _signed_distance(vertices, points, normals, tree, BROAD * cell)
-    vertices -= off[:, None] * upward
+    distance_mm, normal = _signed_distance(vertices, points, normals, tree, KERNEL_WIDTH * cell)
+    vertices -= distance_mm[:, None] * normal
     faces = np.ascontiguousarray(faces[_on_sheet(vertices, points, normals, tree)[faces].all(axis=1)])
     if not len(faces):
-        raise none
+        raise no_surface
     used, faces = without_small_components(faces, len(vertices))
     return Mesh(vertices[used], faces)
 
 
-def mesher():  # type: ignore[no-untyped-def]
+def import_marching_cubes():  # type: ignore[no-untyped-def]
     """Scikit-image's marching cubes.
 
     Raises
@@ -116,28 +116,28 @@ def mesher():  # type: ignore[no-untyped-def]
     return marching_cubes
 
 
-def _merged(vertices: Floats, faces: Ints) -> tuple[Floats, Ints]:
+def _merge_vertices(vertices: Floats, faces: Ints) -> tuple[Floats, Ints]:
     """Corners that were snapped to one node made one, and faces without area taken out."""
     _, first, which = np.unique(
-        np.rint(vertices / SAME).astype(np.int64), axis=0, return_index=True, return_inverse=True
+        np.rint(vertices / MERGE_TOLERANCE).astype(np.int64), axis=0, return_index=True, return_inverse=True
     )
     faces = which.reshape(-1)[faces].astype(np.int32)
-    apart = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
-    return vertices[first], faces[apart]
+    distinct = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
+    return vertices[first], faces[distinct]
 
 
 def _signed_distance(at: Floats, points: Floats, normals: Floats, tree: cKDTree, width: float) -> tuple[Floats, Floats]:
     """f(x) = sum_i w_i n_i.(x - p_i) / sum_i w_i with w_i = exp(-(|x - p_i| / width)^2), and the mean of the n_i."""
-    found, upward = np.empty(len(at)), np.empty((len(at), 3))
+    found, normal = np.empty(len(at)), np.empty((len(at), 3))
     for first in range(0, len(at), BLOCK):
         x = at[first : first + BLOCK]
         away, near = tree.query(x, min(NEAREST, len(points)), workers=2)
         away, near = away.reshape(len(x), -1), near.reshape(len(x), -1)
         weight = np.exp(-((away**2 - away[:, :1] ** 2) / width**2))  # of the nearest 1, so that none is lost far off
-        off = ((x[:, None] - points[near]) * normals[near]).sum(axis=2)
-        found[first : first + BLOCK] = (weight * off).sum(axis=1) / weight.sum(axis=1)
-        upward[first : first + BLOCK] = (weight[..., None] * normals[near]).sum(axis=1)
-    return found, normalize(upward)
+        distance_mm = ((x[:, None] - points[near]) * normals[near]).sum(axis=2)
+        found[first : first + BLOCK] = (weight * distance_mm).sum(axis=1) / weight.sum(axis=1)
+        normal[first : first + BLOCK] = (weight[..., None] * normals[near]).sum(axis=1)
+    return found, normalize(normal)
 
 
 def _whole_cells(near: Bools) -> Bools:
@@ -154,9 +154,9 @@ def _on_sheet(vertices: Floats, points: Floats, normals: Floats, tree: cKDTree) 
     for first in range(0, len(vertices), BLOCK):
         away, near = tree.query(vertices[first : first + BLOCK], min(AROUND, len(points)), workers=2)
         around = points[near] - vertices[first : first + BLOCK, None]
-        lopsided = np.linalg.norm(around.mean(axis=1), axis=1) > ASIDE * away.mean(axis=1)
+        lopsided = np.linalg.norm(around.mean(axis=1), axis=1) > ONE_SIDED * away.mean(axis=1)
         gap = _widest_gap(around[lopsided], normals[near[lopsided, 0]])
-        on[first + np.flatnonzero(lopsided)] = gap <= np.radians(OPEN_DEG)
+        on[first + np.flatnonzero(lopsided)] = gap <= np.radians(BORDER_GAP_DEG)
     return on
 
 

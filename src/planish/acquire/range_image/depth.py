@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from planish.acquire.grid_mesh import STEEPEST, Acquired, grid_mesh
+from planish.acquire.grid_mesh import STEEPEST, AcquiredScan, grid_mesh
 from planish.acquire.range_image.steps import depth_step, step_warnings, with_rounding
 from planish.document.sheet_outline import sheet_mask
 from planish.errors import InputError
@@ -21,10 +21,10 @@ from planish.types import Bools, Camera, Floats, Pixels, Scan
 OUTLIER = 3.5
 """Frames that differ from the median by more than so many standard deviations do not count in the mean."""
 
-COARSE = 0.005
+MIN_TOLERANCE = 0.005
 """Nor do frames count as outliers within this part of the depth: depths often come in whole millimetres."""
 
-SEEN = 0.5
+MIN_FRAME_SHARE = 0.5
 """A pixel counts where at least this part of the frames has a depth."""
 
 
@@ -35,7 +35,7 @@ def from_depth(
     photo_camera: Camera | None = None,
     *,
     mask: Bools | str | None = "auto",
-) -> Acquired:
+) -> AcquiredScan:
     """Make a scan from depth maps and a colour photo.
 
     Parameters
@@ -56,24 +56,24 @@ def from_depth(
     InputError
         If the maps differ in size, hold no depth, or do not belong to the cameras.
     """
-    stack = _stack(frames, camera)
+    stack = _stack_frames(frames, camera)
     seen_from = _photo_camera(camera, photo, photo_camera)
-    depth, agree = averaged(stack)
+    depth, agreement = average_frames(stack)
     step_mm = depth_step(depth)
     noise_mm = with_rounding(pixel_noise(depth), step_mm)
-    depth = without_flying_pixels(depth, camera, noise_mm)
-    points = back_projected(camera, depth)
+    depth = remove_flying_pixels(depth, camera, noise_mm)
+    points = back_project(camera, depth)
     sheet, warnings = sheet_mask(photo, mask)
     warnings = [*warnings, *step_warnings(step_mm)]
     if sheet is not None:
-        points = on_mask(points, seen_from, sheet)
+        points = apply_mask(points, seen_from, sheet)
     mesh, pixel_xy = grid_mesh(points, camera, noise_mm=noise_mm)
     column, row = pixel_xy.astype(int).T
     scan = Scan(mesh, photo, project(seen_from, mesh.points), seen_from)
-    return Acquired(scan, agree[row, column], noise_mm, tuple(warnings))
+    return AcquiredScan(scan, agreement[row, column], noise_mm, tuple(warnings))
 
 
-def averaged(stack: Floats | NDArray[np.float32]) -> tuple[Floats, Floats]:
+def average_frames(stack: Floats | NDArray[np.float32]) -> tuple[Floats, Floats]:
     """Average depth maps: the mean of the frames that lie near their median.
 
     Parameters
@@ -85,49 +85,49 @@ def averaged(stack: Floats | NDArray[np.float32]) -> tuple[Floats, Floats]:
     -------
     depth : (rows, cols) float64 [mm]
         NaN where fewer than half of the frames have one.
-    agree : (rows, cols) float64
+    agreement : (rows, cols) float64
         Part of the frames that went into the mean.
 
     Examples
     --------
     >>> stack = np.array([500.0, 501, 0, 499, 720, 500, 500, 501]).reshape(8, 1, 1)
-    >>> depth, agree = averaged(stack)
-    >>> depth.round(2).tolist(), agree.tolist()
+    >>> depth, agreement = average_frames(stack)
+    >>> depth.round(2).tolist(), agreement.tolist()
     ([[500.17]], [[0.75]])
     """
     frames, rows, cols = stack.shape
-    depth, agree = np.empty(rows * cols), np.empty(rows * cols)
+    depth, agreement = np.empty(rows * cols), np.empty(rows * cols)
     with thread_pool() as parallel_for:
-        parallel_for(_average, rows * cols, stack.reshape(frames, -1), depth, agree, block=1 << 13)
-    return depth.reshape(rows, cols), agree.reshape(rows, cols)
+        parallel_for(_average, rows * cols, stack.reshape(frames, -1), depth, agreement, block=1 << 13)
+    return depth.reshape(rows, cols), agreement.reshape(rows, cols)
 
 
 @njit(cache=True, nogil=True)
-def _average(first, last, stack, depth, agree):  # type: ignore[no-untyped-def]
+def _average(first, last, stack, depth, agreement):  # type: ignore[no-untyped-def]
     frames = len(stack)
-    values, away = np.empty(frames), np.empty(frames)
+    values, deviation = np.empty(frames), np.empty(frames)
     for i in range(first, last):
         count = 0
         for k in range(frames):
             if stack[k, i] > 0.0 and stack[k, i] < np.inf:
                 values[count] = stack[k, i]
                 count += 1
-        depth[i], agree[i] = np.nan, 0.0
-        if count == 0 or count < SEEN * frames:
+        depth[i], agreement[i] = np.nan, 0.0
+        if count == 0 or count < MIN_FRAME_SHARE * frames:
             continue
         middle = np.median(values[:count])
         for k in range(count):
-            away[k] = abs(values[k] - middle)
-        reach = max(OUTLIER * 1.4826 * np.median(away[:count]), COARSE * middle)
+            deviation[k] = abs(values[k] - middle)
+        tolerance = max(OUTLIER * 1.4826 * np.median(deviation[:count]), MIN_TOLERANCE * middle)
         total, used = 0.0, 0
         for k in range(count):
-            if away[k] <= reach:
+            if deviation[k] <= tolerance:
                 total += values[k]
                 used += 1
-        depth[i], agree[i] = total / used, used / frames
+        depth[i], agreement[i] = total / used, used / frames
 
 
-def without_flying_pixels(depth: Floats, camera: Camera, noise_mm: float = 0.0) -> Floats:
+def remove_flying_pixels(depth: Floats, camera: Camera, noise_mm: float = 0.0) -> Floats:
     """Take out pixels that hang in the air between a near and a far surface, as depth cameras make at edges.
 
     Such a pixel's neighbours, left and right or above and below, lie one in front of it and one behind, each by more
@@ -147,26 +147,26 @@ def without_flying_pixels(depth: Floats, camera: Camera, noise_mm: float = 0.0) 
     return np.where(flying_pixels(depth, half), np.nan, depth)
 
 
-def flying_pixels(far: Floats, half: Sequence[Floats]) -> Bools:
+def flying_pixels(distance: Floats, half: Sequence[Floats]) -> Bools:
     """Which pixels hang between a nearer and a farther neighbour, more than `half` a jump from both.
 
     Parameters
     ----------
-    far : (rows, cols) float64
+    distance : (rows, cols) float64
         How far away each pixel's point is; NaN where there is none.
     half : two of (rows, cols) float64
         For the neighbours above and below, and for those to the left and right.
     """
-    flying = np.zeros(far.shape, bool)
+    flying = np.zeros(distance.shape, bool)
     for axis in (0, 1):
-        d, h = np.moveaxis(far, axis, 0), np.moveaxis(half[axis], axis, 0)[1:-1]
+        d, h = np.moveaxis(distance, axis, 0), np.moveaxis(half[axis], axis, 0)[1:-1]
         before, after = d[1:-1] - d[:-2], d[2:] - d[1:-1]
         between = (np.minimum(before, after) > h) | (np.maximum(before, after) < -h)
         np.moveaxis(flying, axis, 0)[1:-1] |= between
     return flying
 
 
-def back_projected(camera: Camera, depth: Floats) -> Floats:
+def back_project(camera: Camera, depth: Floats) -> Floats:
     """Put depths along a camera's axis, (rows, cols) [mm], into the world: (rows, cols, 3) [mm]."""
     rows, cols = depth.shape
     xy = np.stack(np.meshgrid(np.arange(cols), np.arange(rows)), axis=-1).reshape(-1, 2).astype(np.float64)
@@ -175,13 +175,13 @@ def back_projected(camera: Camera, depth: Floats) -> Floats:
     return np.asarray(eye + along[:, None] * directions).reshape(rows, cols, 3)
 
 
-def on_mask(points: Floats, camera: Camera, mask: Bools) -> Floats:
+def apply_mask(points: Floats, camera: Camera, mask: Bools) -> Floats:
     """The map of points (rows, cols, 3) with NaN where a photo's mask (h, w) is false, or the photo ends."""
-    keep = on_white(project(camera, points.reshape(-1, 3)), mask)
+    keep = inside_mask(project(camera, points.reshape(-1, 3)), mask)
     return np.where(keep.reshape(*points.shape[:2], 1), points, np.nan)
 
 
-def on_white(xy: Floats, mask: Bools) -> Bools:
+def inside_mask(xy: Floats, mask: Bools) -> Bools:
     """Which places (k, 2) [px] lie where a mask (h, w) is true; none does that is not finite or not on it."""
     column, row = np.rint(np.nan_to_num(xy, nan=-1, posinf=-1, neginf=-1)).T
     inside = (row >= 0) & (row < mask.shape[0]) & (column >= 0) & (column < mask.shape[1])
@@ -200,7 +200,7 @@ def pixel_noise(depth: Floats) -> float:
     return float(1.4826 * np.median(np.abs(second)) / np.sqrt(6)) if len(second) else 0.0
 
 
-def _stack(frames: Sequence[Floats], camera: Camera) -> NDArray[np.float32]:
+def _stack_frames(frames: Sequence[Floats], camera: Camera) -> NDArray[np.float32]:
     shapes = [frame.shape for frame in frames]
     odd = next((k for k, shape in enumerate(shapes) if shape != shapes[0]), None)
     if odd is not None:

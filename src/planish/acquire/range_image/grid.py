@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy import ndimage
 
-from planish.acquire.grid_mesh import NOISE_STEPS, STEEPEST, Acquired, joined
-from planish.acquire.range_image.depth import check_photo_size, flying_pixels, on_white, pixel_noise
+from planish.acquire.grid_mesh import NOISE_STEPS, STEEPEST, AcquiredScan, mesh_from_grid
+from planish.acquire.range_image.depth import check_photo_size, flying_pixels, inside_mask, pixel_noise
 from planish.acquire.range_image.steps import depth_step, step_warnings, with_rounding
 from planish.document.sheet_outline import sheet_mask
 from planish.errors import InputError
@@ -15,10 +15,10 @@ from planish.geometry.axes import principal_axes
 from planish.geometry.guards import TINY_MM
 from planish.types import Bools, Camera, Diagnostic, Floats, Pixels, Scan
 
-CLOSEST = 0.3
+MIN_DISTANCE = 0.3
 """The origin is taken for the scanner's place if it is farther from all points than this part of their extent..."""
 
-NARROW = 0.5
+MIN_COSINE = 0.5
 """...and sees them all within a cone of 60 degrees around the middle: the cosine of that."""
 
 
@@ -29,7 +29,7 @@ def from_grid(
     *,
     seen_from: Floats | None = None,
     mask: Bools | str | None = "auto",
-) -> Acquired:
+) -> AcquiredScan:
     """Make a scan from a range image.
 
     Where the scanner stood tells what is a depth jump and which side was seen. Without it the points are taken for
@@ -59,8 +59,8 @@ def from_grid(
     --------
     >>> row, col = np.mgrid[:40, :60]
     >>> points = np.stack([col - 30.0, row - 20.0, np.where(col < 30, 300.0, 250.0)], axis=-1)
-    >>> made = from_grid(points, None)
-    >>> len(made.scan.mesh.points), len(made.scan.mesh.faces)  # nothing is joined across the step of 50 mm
+    >>> acquired = from_grid(points, None)
+    >>> len(acquired.scan.mesh.points), len(acquired.scan.mesh.faces)  # nothing is joined across the step of 50 mm
     (2400, 4524)
     """
     known: Bools = np.asarray(np.isfinite(points).all(axis=2) & points.any(axis=2))
@@ -71,31 +71,31 @@ def from_grid(
         )
     points = np.where(known[..., None], points, np.nan)
     eye = plausible_origin(points[known]) if seen_from is None else np.asarray(seen_from, np.float64)
-    if eye is not None and _mirrored(points, eye):
+    if eye is not None and _is_mirrored(points, eye):
         points, known = points[:, ::-1], known[:, ::-1]
         if photo is not None and photo_camera is None:  # it runs as the points do
             photo, mask = photo[:, ::-1], mask[:, ::-1] if isinstance(mask, np.ndarray) else mask
-    relative, distance = _sight(points, known, eye)
-    far, pitch = relative[..., -1], _pitch(relative[..., :-1])
+    relative, distance = _viewing_coordinates(points, known, eye)
+    distance_map, pitch = relative[..., -1], _pitch(relative[..., :-1])
     step_mm = 0.0 if eye is None else depth_step(np.abs(points[..., 2] - eye[2]))  # devices round along their axis
-    noise = with_rounding(pixel_noise(far), step_mm / distance)
+    noise = with_rounding(pixel_noise(distance_map), step_mm / distance)
     step = max(STEEPEST * pitch, NOISE_STEPS * noise)
-    points, relative, known = _bridged(points, relative, known, step)
+    points, relative, known = _fill_single_gaps(points, relative, known, step)
     pixel_xy = np.stack(np.meshgrid(*(np.arange(n, dtype=np.float64) for n in known.shape[::-1])), axis=-1)
-    xy = _photo_places(points, pixel_xy, photo, photo_camera)
-    far = relative[..., -1]
-    keep = known & ~flying_pixels(far, [np.full(far.shape, max(STEEPEST / 2 * pitch, 4 * noise))] * 2)
+    xy = _photo_positions(points, pixel_xy, photo, photo_camera)
+    distance_map = relative[..., -1]
+    keep = known & ~flying_pixels(distance_map, [np.full(distance_map.shape, max(STEEPEST / 2 * pitch, 4 * noise))] * 2)
     warnings: list[Diagnostic] = step_warnings(step_mm)
     if photo is not None:
         sheet, more = sheet_mask(photo, mask)
         warnings += more
         if sheet is not None:
-            keep &= on_white(xy.reshape(-1, 2), sheet).reshape(keep.shape)
-    mesh, at = joined(points, keep, relative[keep], step)
+            keep &= inside_mask(xy.reshape(-1, 2), sheet).reshape(keep.shape)
+    mesh, at = mesh_from_grid(points, keep, relative[keep], step)
     col, row = at.astype(int).T
     neighbours = ndimage.uniform_filter(keep.astype(np.float64), 3, mode="constant")
     scan = Scan(mesh, photo, xy[row, col], photo_camera)
-    return Acquired(scan, np.clip(neighbours[row, col], 0, 1), noise * distance, tuple(warnings))
+    return AcquiredScan(scan, np.clip(neighbours[row, col], 0, 1), noise * distance, tuple(warnings))
 
 
 def grid_photo(points: Floats, colours: Pixels) -> Pixels:
@@ -112,23 +112,23 @@ def grid_photo(points: Floats, colours: Pixels) -> Pixels:
 
 def plausible_origin(points: Floats) -> Floats | None:
     """The origin, if a scanner may have stood there: in front of the points (k, 3), and not among them."""
-    away = np.linalg.norm(points, axis=1)
+    distance_mm = np.linalg.norm(points, axis=1)
     extent = float(np.linalg.norm(np.ptp(points, axis=0)))
-    if not away.min() > CLOSEST * extent:
+    if not distance_mm.min() > MIN_DISTANCE * extent:
         return None
-    directions = points / away[:, None]
+    directions = points / distance_mm[:, None]
     middle = directions.mean(axis=0)
-    return np.zeros(3) if (directions @ middle).min() > NARROW * np.linalg.norm(middle) else None
+    return np.zeros(3) if (directions @ middle).min() > MIN_COSINE * np.linalg.norm(middle) else None
 
 
-def _mirrored(points: Floats, eye: Floats) -> bool:
+def _is_mirrored(points: Floats, eye: Floats) -> bool:
     """Whether rows and columns run as the sheet's back would be seen: right x down points away from who sees it."""
     here = points[:-1, :-1]
     outwards = np.cross(points[:-1, 1:] - here, points[1:, :-1] - here)
     return bool(np.nansum(outwards * (here - eye)) < 0)
 
 
-def _sight(points: Floats, known: Bools, eye: Floats | None) -> tuple[Floats, float]:
+def _viewing_coordinates(points: Floats, known: Bools, eye: Floats | None) -> tuple[Floats, float]:
     """Each pixel across the line of sight, and last how far away; and how many mm a unit of that is, typically.
 
     From a place: directions and the logarithm of the distance. Without: two coordinates in the plane that fits the
@@ -139,11 +139,11 @@ def _sight(points: Floats, known: Bools, eye: Floats | None) -> tuple[Floats, fl
         axes = principal_axes(flat[:: 1 + len(flat) // 100_000])[0]
         return np.asarray((points - flat.mean(axis=0)) @ axes.T), 1.0
     ray = points - eye
-    away = np.maximum(np.linalg.norm(ray, axis=2, keepdims=True), TINY_MM)
-    return np.concatenate([ray / away, np.log(away)], axis=2), float(np.nanmedian(away))
+    distance_mm = np.maximum(np.linalg.norm(ray, axis=2, keepdims=True), TINY_MM)
+    return np.concatenate([ray / distance_mm, np.log(distance_mm)], axis=2), float(np.nanmedian(distance_mm))
 
 
-def _bridged(points: Floats, relative: Floats, known: Bools, step: float) -> tuple[Floats, Floats, Bools]:
+def _fill_single_gaps(points: Floats, relative: Floats, known: Bools, step: float) -> tuple[Floats, Floats, Bools]:
     """Give a lone pixel without a point the mean of its four neighbours, where these lie on one surface."""
     around = [np.full_like(relative, np.nan) for _ in range(4)]
     around[0][1:], around[1][:-1] = relative[:-1], relative[1:]
@@ -163,7 +163,7 @@ def _pitch(across: Floats) -> float:
     return max((float(np.median(step)) for step in steps if len(step)), default=0.0)
 
 
-def _photo_places(points: Floats, pixel_xy: Floats, photo: Pixels | None, camera: Camera | None) -> Floats:
+def _photo_positions(points: Floats, pixel_xy: Floats, photo: Pixels | None, camera: Camera | None) -> Floats:
     """Where on the photo each pixel's point lies, (rows, cols, 2) [photo px]; the pixels themselves without a photo."""
     if photo is None:
         return pixel_xy

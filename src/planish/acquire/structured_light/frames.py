@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from planish.acquire.structured_light.gray_code import Grey, bits_for, bright_end, frame_count, lit_mask
+from planish.acquire.structured_light.gray_code import Grey, bits_for, frame_count, lit_mask, white_level
 from planish.errors import InputError
 from planish.types import Bools, Diagnostic
 
-SEEN = 0.01
+MIN_LIT_SHARE = 0.01
 """The projector must light at least this part of the photo."""
 
 CLIPPED, NEARLY = 0.25, 0.985
@@ -19,29 +19,29 @@ PAIRED = 0.06
 """Pattern and inverse together are at least white and black together, to this part of their difference (mean). They may
 be more: where fine stripes blur, a camera that brightens dark tones (sRGB) shows both brighter than half."""
 
-SAME = 0.1
+DUPLICATE_DIFFERENCE = 0.1
 """Two photos show the same pattern where their difference is below this part of white minus black (mean)."""
 
-CLEAR = 0.3
+MIN_CONTRAST = 0.3
 """Of the brightest contrast: what is darker is not asked about the order."""
 
-AGREED = 0.45
+MIN_AGREEMENT = 0.45
 """Part of the stripe edges at which each lower bit must be what the code has there."""
 
-RESOLVED = 0.2
+MIN_RESOLVED = 0.2
 """A bit whose pattern and inverse differ by less than this part of white and black (mean) is too fine to be seen."""
 
-FEWEST_EDGES = 50
+MIN_EDGES = 50
 """Of a bit, in the photo, to say anything about the lower ones."""
 
 MAX_UNRESOLVED = 2
 """Finest bits of a code that may be unresolved. On a book page places are 0.003, 0.016 and 0.013 pixels off (median)
 with none, one and two; waves are for more."""
 
-THIN = 4
+EDGE_STEP = 4
 """Every so many rows and columns are looked through for edges."""
 
-LOOK = 160
+SAMPLED_SIDE = 160
 """Rows and columns of the thinned-out photos on which all this is seen, about."""
 
 
@@ -68,33 +68,33 @@ def check_frames(frames: Grey, shape_rc: tuple[int, int]) -> list[Diagnostic]:
         raise InputError(
             f"there are {len(frames)} photos; a code for {shape_rc[1]} x {shape_rc[0]} pixels has {wanted}"
         )
-    step = max(1, min(frames.shape[1:]) // LOOK)
+    step = max(1, min(frames.shape[1:]) // SAMPLED_SIDE)
     small = frames[:, ::step, ::step].astype(np.float32)
     warnings = [] if len(frames) != wanted else _check_light(frames)
-    lit = varied(small)
+    lit = lit_pixels(small)
     _check_count(small, lit, wanted, shape_rc)
     _check_pairs(small, lit, bits)
     bounds = ((0, bits_for(shape_rc[1])), (bits_for(shape_rc[1]), bits))
     for name, (first, last) in zip(("column", "row"), bounds, strict=True):
-        fine = next((k for k in range(first, last) if not _resolved(small, lit, k)), last)
-        _check_order(frames, first, fine, name)
+        first_unresolved = next((k for k in range(first, last) if not _resolved(small, lit, k)), last)
+        _check_order(frames, first, first_unresolved, name)
     return warnings
 
 
 def _check_light(frames: Grey) -> list[Diagnostic]:
     lit = lit_mask(frames)
     share = float(lit.mean())
-    if share < SEEN:
+    if share < MIN_LIT_SHARE:
         swapped = float(lit_mask(frames[[*range(len(frames) - 2), -1, -2]]).mean()) if len(frames) > 1 else 0.0
         hint = (
             "the last two are exchanged: white comes before black"
-            if swapped >= SEEN
+            if swapped >= MIN_LIT_SHARE
             else "is the projector in the camera's view, on, and bright enough?"
         )
         raise InputError(
             f"white (the last photo but one) lights {100 * share:.1f} % of the view more than black: {hint}"
         )
-    clipped = float((frames[-2][lit] >= NEARLY * bright_end(frames)).mean())
+    clipped = float((frames[-2][lit] >= NEARLY * white_level(frames)).mean())
     if frames.dtype == np.uint8 and clipped > CLIPPED:
         raise InputError(
             f"{100 * clipped:.0f} % of what the projector lights is overexposed under white (the last photo but "
@@ -119,9 +119,9 @@ def unresolved_bits(frames: Grey, shape_rc: tuple[int, int]) -> tuple[int, int]:
     shape_rc : (int, int)
         Rows and columns of the projector.
     """
-    step = max(1, min(frames.shape[1:]) // LOOK)
+    step = max(1, min(frames.shape[1:]) // SAMPLED_SIDE)
     small = frames[:, ::step, ::step].astype(np.float32)
-    lit = varied(small)
+    lit = lit_pixels(small)
     columns, rows = bits_for(shape_rc[1]), bits_for(shape_rc[0])
     unresolved = []
     for first, count in ((0, columns), (columns, rows)):
@@ -132,7 +132,7 @@ def unresolved_bits(frames: Grey, shape_rc: tuple[int, int]) -> tuple[int, int]:
     return unresolved[0], unresolved[1]
 
 
-def varied(small: NDArray[np.float32]) -> Bools:
+def lit_pixels(small: NDArray[np.float32]) -> Bools:
     """Where the photos differ most from each other: lit by the projector, whichever photo is missing."""
     spread = np.ptp(small, axis=0)
     return np.asarray(spread > 0.5 * np.quantile(spread, 0.98))
@@ -142,19 +142,21 @@ def _check_count(small: NDArray[np.float32], lit: Bools, wanted: int, shape_rc: 
     found = len(small)
     if found == wanted:
         return
-    said = f"there are {found} photos; a code for {shape_rc[1]} x {shape_rc[0]} pixels of the projector has {wanted}"
-    twice = _doubled(small, lit)
-    if found > wanted and twice:
-        raise InputError(f"{said}: photos {twice} and {twice + 1} show the same pattern; take one of them away")
+    message = f"there are {found} photos; a code for {shape_rc[1]} x {shape_rc[0]} pixels of the projector has {wanted}"
+    duplicate = _find_duplicate(small, lit)
+    if found > wanted and duplicate:
+        raise InputError(
+            f"{message}: photos {duplicate} and {duplicate + 1} show the same pattern; take one of them away"
+        )
     if found == wanted - 1:
         first = next((k for k in range(0, found - 2, 2) if unpaired(small, lit, k)), None)
         if first is None:
-            raise InputError(f"{said}: white or black at the end is missing")
-        raise InputError(f"{said}: photo {first + 1} or {first + 2} of the {wanted} is missing")
-    raise InputError(f"{said}; are some missing, or was the projector's resolution another?")
+            raise InputError(f"{message}: white or black at the end is missing")
+        raise InputError(f"{message}: photo {first + 1} or {first + 2} of the {wanted} is missing")
+    raise InputError(f"{message}; are some missing, or was the projector's resolution another?")
 
 
-def _doubled(small: NDArray[np.float32], lit: Bools) -> int | None:
+def _find_duplicate(small: NDArray[np.float32], lit: Bools) -> int | None:
     """Number, from 1, of the first photo whose successor shows the same stripes.
 
     Wide stripes may look alike where only part of them is in view: photos that are all bright or all dark do not count.
@@ -163,8 +165,8 @@ def _doubled(small: NDArray[np.float32], lit: Bools) -> int | None:
     low, high = seen.min(axis=0), seen.max(axis=0)
     share = (seen - low) / (high - low)
     for k in range(len(small) - 1):
-        striped = 0.1 < (share[k] > 0.5).mean() < 0.9 and np.abs(share[k] - 0.5).mean() > RESOLVED
-        if striped and np.abs(share[k] - share[k + 1]).mean() < SAME:
+        striped = 0.1 < (share[k] > 0.5).mean() < 0.9 and np.abs(share[k] - 0.5).mean() > MIN_RESOLVED
+        if striped and np.abs(share[k] - share[k + 1]).mean() < DUPLICATE_DIFFERENCE:
             return k + 1
     return None
 
@@ -179,15 +181,16 @@ def unpaired(small: NDArray[np.float32], lit: Bools, k: int) -> bool:
 def _resolved(small: NDArray[np.float32], lit: Bools, bit: int) -> bool:
     """Whether the stripes of a bit are seen at all."""
     contrast = np.abs(small[-2, lit] - small[-1, lit])
-    return bool(np.mean(np.abs(small[2 * bit, lit] - small[2 * bit + 1, lit]) / contrast) > RESOLVED)
+    return bool(np.mean(np.abs(small[2 * bit, lit] - small[2 * bit + 1, lit]) / contrast) > MIN_RESOLVED)
 
 
 def _check_pairs(small: NDArray[np.float32], lit: Bools, bits: int) -> None:
-    twice = _doubled(small[: 2 * bits], lit)
+    duplicate = _find_duplicate(small[: 2 * bits], lit)
     broken = [k for k in range(0, 2 * bits, 2) if unpaired(small, lit, k)]
-    if twice:
+    if duplicate:
         raise InputError(
-            f"photos {twice} and {twice + 1} show the same pattern, so another is missing; take the photos again"
+            f"photos {duplicate} and {duplicate + 1} show the same pattern, so another is missing; take the photos "
+            "again"
         )
     if broken:
         named = ", ".join(f"{k + 1} and {k + 2}" for k in broken[:4])
@@ -202,16 +205,18 @@ def _check_order(frames: Grey, first: int, last: int, name: str) -> None:
 
     At the edge of a stripe of one bit, the next lower bit is 1 and all those below it are 0.
     """
-    here, there = _neighbours(frames, first, last)
-    stripes = (here != there).sum(axis=0) == 1  # where the scene has an edge of its own, more of the bits change
+    bits_here, bits_there = _neighbours(frames, first, last)
+    stripes = (bits_here != bits_there).sum(
+        axis=0
+    ) == 1  # where the scene has an edge of its own, more of the bits change
     for k in range(1, last - first):
-        agreed = []
+        agreement = []
         for j in range(k):
-            edge = (here[j] != there[j]) & stripes
-            if edge.sum() >= FEWEST_EDGES:
-                agreed.append(float((here[k][edge] == (j == k - 1)).mean()))
-        if agreed and min(agreed) < AGREED:
-            exchanged = max(agreed) < 1 - AGREED
+            edge = (bits_here[j] != bits_there[j]) & stripes
+            if edge.sum() >= MIN_EDGES:
+                agreement.append(float((bits_here[k][edge] == (j == k - 1)).mean()))
+        if agreement and min(agreement) < MIN_AGREEMENT:
+            exchanged = max(agreement) < 1 - MIN_AGREEMENT
             pair = f"photos {2 * (first + k) + 1} and {2 * (first + k) + 2}"
             raise InputError(
                 f"{pair} are exchanged, or some before them are out of order; put them in the order of the patterns"
@@ -225,12 +230,12 @@ def _neighbours(frames: Grey, first: int, last: int) -> tuple[Bools, Bools]:
     """The bits first to last at pixels and at their right or lower neighbours, both lit: two of (bits, k)."""
     pattern, inverse = frames[2 * first : 2 * last : 2], frames[2 * first + 1 : 2 * last : 2]
     contrast = frames[-2].astype(np.float32) - frames[-1]
-    lit = contrast > CLEAR * np.quantile(contrast, 0.98)
+    lit = contrast > MIN_CONTRAST * np.quantile(contrast, 0.98)
     pairs = []
-    for thin in ((slice(None, None, THIN), slice(None)), (slice(None), slice(None, None, THIN))):
-        bits = pattern[:, *thin] > inverse[:, *thin]
-        light = lit[thin]
-        if thin[0] == slice(None):
+    for subsampling in ((slice(None, None, EDGE_STEP), slice(None)), (slice(None), slice(None, None, EDGE_STEP))):
+        bits = pattern[:, *subsampling] > inverse[:, *subsampling]
+        light = lit[subsampling]
+        if subsampling[0] == slice(None):
             bits, light = bits.swapaxes(1, 2), light.T
         both = light[:, :-1] & light[:, 1:]
         pairs.append((bits[:, :, :-1][:, both], bits[:, :, 1:][:, both]))

@@ -18,11 +18,11 @@ from planish.types import Bools, Floats, Ints, freeze
 
 Grey = NDArray[np.uint8] | NDArray[np.uint16]
 
-SURE = 0.05
+MIN_CONFIDENCE = 0.05
 """A bit is read surely where pattern and inverse differ by this part of white and black. One bit of each code may
 be less sure than that: the one whose stripe ends at the pixel."""
 
-LIT = 0.02
+MIN_LIT = 0.02
 """White must be brighter than black by this part of the brightest value for a pixel to be lit by the projector."""
 
 
@@ -89,7 +89,7 @@ def patterns(shape_rc: tuple[int, int]) -> Iterator[NDArray[np.uint8]]:
     yield np.zeros((rows, cols), np.uint8)
 
 
-def decode(frames: Grey, shape_rc: tuple[int, int], *, unread: int | tuple[int, int] = 0) -> Codes:
+def decode(frames: Grey, shape_rc: tuple[int, int], *, skipped_bits: int | tuple[int, int] = 0) -> Codes:
     """Read the code at every pixel of the camera.
 
     Parameters
@@ -98,8 +98,8 @@ def decode(frames: Grey, shape_rc: tuple[int, int], *, unread: int | tuple[int, 
         Grey, in the order of `patterns`.
     shape_rc : (int, int)
         Rows and columns of the projector.
-    unread : int or (int, int)
-        Number of the lowest bits that are ignored, of columns and of rows: these then count 2^unread pixels each.
+    skipped_bits : int or (int, int)
+        Number of the lowest bits that are ignored, of columns and of rows: these then count 2^skipped_bits pixels each.
 
     Examples
     --------
@@ -111,22 +111,24 @@ def decode(frames: Grey, shape_rc: tuple[int, int], *, unread: int | tuple[int, 
     flat = frames.reshape(len(frames), -1)
     number = np.empty((2, rows * cols), np.int32)
     confidence = np.empty(rows * cols)
-    of_column, of_row = (unread, unread) if isinstance(unread, int) else unread
+    of_column, of_row = (skipped_bits, skipped_bits) if isinstance(skipped_bits, int) else skipped_bits
     bits = bits_for(shape_rc[1]), bits_for(shape_rc[0])
-    least = LIT * bright_end(frames)
+    min_contrast = MIN_LIT * white_level(frames)
     with thread_pool() as parallel_for:
         sizes = bits[0], bits[1], of_column, of_row, shape_rc[1], shape_rc[0]
-        parallel_for(_decode, rows * cols, flat, *sizes, least, number, confidence, block=1 << 12)
+        parallel_for(_decode, rows * cols, flat, *sizes, min_contrast, number, confidence, block=1 << 12)
     return Codes(number[0].reshape(rows, cols), number[1].reshape(rows, cols), confidence.reshape(rows, cols))
 
 
-def bright_end(frames: Grey) -> float:
+def white_level(frames: Grey) -> float:
     """The value of white that the frames' scale ends at: 255, or for 16 bits what they reach."""
     return 255.0 if frames.dtype == np.uint8 else float(frames.max())
 
 
 @njit(cache=True, nogil=True)
-def _decode(first, last, frames, column_bits, row_bits, of_column, of_row, columns, rows, least, number, confidence):  # type: ignore[no-untyped-def]
+def _decode(  # type: ignore[no-untyped-def]
+    first, last, frames, column_bits, row_bits, of_column, of_row, columns, rows, min_contrast, number, confidence
+):
     count = last - first
     contrast, sure_column, sure_row = (
         np.empty(count, np.float32),
@@ -139,28 +141,33 @@ def _decode(first, last, frames, column_bits, row_bits, of_column, of_row, colum
     _number(first, count, frames, 2 * column_bits, row_bits - of_row, contrast, number[1], sure_row)
     columns, rows = ((columns - 1) >> of_column) + 1, ((rows - 1) >> of_row) + 1
     for i in range(count):
-        sure = min(sure_column[i], sure_row[i])
-        read = contrast[i] >= least and sure >= SURE and number[0, first + i] < columns and number[1, first + i] < rows
-        confidence[first + i] = sure if read else 0.0
+        confidence_of_bit = min(sure_column[i], sure_row[i])
+        read = (
+            contrast[i] >= min_contrast
+            and confidence_of_bit >= MIN_CONFIDENCE
+            and number[0, first + i] < columns
+            and number[1, first + i] < rows
+        )
+        confidence[first + i] = confidence_of_bit if read else 0.0
         if not read:
             number[0, first + i], number[1, first + i] = -1, -1
 
 
 @njit(cache=True, nogil=True)
-def _number(first, count, frames, start, bits, contrast, number, sure):  # type: ignore[no-untyped-def]
+def _number(first, count, frames, start, bits, contrast, number, confidence_of_bit):  # type: ignore[no-untyped-def]
     """The numbers that one code gives, and how sure the second weakest bit of each is."""
     bit, weakest = np.zeros(count, np.int32), np.full(count, np.float32(1.0))
-    number[first : first + count], sure[:] = 0, 1.0
+    number[first : first + count], confidence_of_bit[:] = 0, 1.0
     for k in range(bits):  # frame by frame, as they lie in memory
         for i in range(count):
-            apart = np.float32(frames[start + 2 * k, first + i]) - np.float32(frames[start + 2 * k + 1, first + i])
-            bit[i] ^= np.int32(apart > 0)  # binary bit k is the parity of the Gray bits from the highest to k
+            difference = np.float32(frames[start + 2 * k, first + i]) - np.float32(frames[start + 2 * k + 1, first + i])
+            bit[i] ^= np.int32(difference > 0)  # binary bit k is the parity of the Gray bits from the highest to k
             number[first + i] = 2 * number[first + i] + bit[i]
-            here = abs(apart) / max(contrast[i], np.float32(1.0))
-            sure[i] = min(sure[i], max(weakest[i], here))
+            here = abs(difference) / max(contrast[i], np.float32(1.0))
+            confidence_of_bit[i] = min(confidence_of_bit[i], max(weakest[i], here))
             weakest[i] = min(weakest[i], here)
 
 
 def lit_mask(frames: Grey) -> Bools:
     """Where the projector's white reaches what the camera sees, (rows, cols)."""
-    return np.asarray(frames[-2].astype(np.float32) - frames[-1] >= LIT * bright_end(frames))
+    return np.asarray(frames[-2].astype(np.float32) - frames[-1] >= MIN_LIT * white_level(frames))

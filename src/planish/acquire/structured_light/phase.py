@@ -18,7 +18,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from planish.acquire.structured_light import gray_code
-from planish.acquire.structured_light.gray_code import LIT, Codes, Grey, bright_end, decode, frame_count
+from planish.acquire.structured_light.gray_code import MIN_LIT, Codes, Grey, decode, frame_count, white_level
 from planish.errors import InputError, UsageError
 from planish.parallel import thread_pool
 from planish.types import Floats
@@ -29,22 +29,22 @@ PERIOD = 16
 HALF_BITS = 3
 """Lowest bits of the code that lie within half a period."""
 
-MIDDLE, SWING = 127, 126
+MEAN_LEVEL, AMPLITUDE = 127, 126
 """Grey values of the waves. With an even swing no value lies halfway, to be rounded as the processor likes."""
 
-STEPS = 3, 16
+STEP_RANGE = 3, 16
 """Fewest and most. So many steps cancel all overtones of the cosine below steps - 1, such as a projector's gamma."""
 
-AMBIGUOUS = 3 / 8
+MAX_PHASE_ERROR = 3 / 8
 """Of a period: a phase this far from the middle of its half period belongs to another; a quarter is usual."""
 
 
-class Phased(NamedTuple):
+class PhaseMap(NamedTuple):
     """What the waves say at each pixel of the camera.
 
     Attributes
     ----------
-    place : (rows, cols, 2) float32 [projector px]
+    projector_xy : (rows, cols, 2) float32 [projector px]
         x right, y down; NaN where it is not known.
     weight : (rows, cols, 2) float32
         Inverse variance, for noise of one level of the photos; 0 where the place is not known.
@@ -52,7 +52,7 @@ class Phased(NamedTuple):
         From 0 to 1: contrast of the fainter of both waves against that of white and black.
     """
 
-    place: NDArray[np.float32]
+    projector_xy: NDArray[np.float32]
     weight: NDArray[np.float32]
     confidence: Floats
 
@@ -70,22 +70,22 @@ def patterns(shape_rc: tuple[int, int], steps: int) -> Iterator[NDArray[np.uint8
     UsageError
         If there are fewer than 3 or more than 16 steps.
     """
-    if not STEPS[0] <= steps <= STEPS[1]:
-        raise UsageError(f"{steps} steps of phase were asked for; {STEPS[0]} to {STEPS[1]} are wanted")
+    if not STEP_RANGE[0] <= steps <= STEP_RANGE[1]:
+        raise UsageError(f"{steps} steps of phase were asked for; {STEP_RANGE[0]} to {STEP_RANGE[1]} are wanted")
     rows, cols = shape_rc
     for count, across in ((cols, True), (rows, False)):
         for k in range(steps):
             wave = np.cos(2 * np.pi * (np.arange(count) / PERIOD - k / steps))
-            line = np.rint(MIDDLE + SWING * wave).astype(np.uint8)
+            line = np.rint(MEAN_LEVEL + AMPLITUDE * wave).astype(np.uint8)
             yield np.ascontiguousarray(np.broadcast_to(line if across else line[:, None], (rows, cols)))
 
 
-def with_code(shape_rc: tuple[int, int], steps: int) -> Iterator[NDArray[np.uint8]]:
+def all_patterns(shape_rc: tuple[int, int], steps: int) -> Iterator[NDArray[np.uint8]]:
     """Make all that a projector has to show: the Gray code, the waves unless `steps` is 0, white, black.
 
     Examples
     --------
-    >>> len(list(with_code((16, 16), 4))) - len(list(gray_code.patterns((16, 16))))
+    >>> len(list(all_patterns((16, 16), 4))) - len(list(gray_code.patterns((16, 16))))
     8
     """
     *code, white, black = gray_code.patterns(shape_rc)
@@ -96,7 +96,7 @@ def with_code(shape_rc: tuple[int, int], steps: int) -> Iterator[NDArray[np.uint
     yield black
 
 
-def steps_among(count: int, shape_rc: tuple[int, int]) -> int:
+def phase_steps(count: int, shape_rc: tuple[int, int]) -> int:
     """How many steps of phase so many photos hold beside the Gray code; 0 if they are none.
 
     Raises
@@ -106,22 +106,22 @@ def steps_among(count: int, shape_rc: tuple[int, int]) -> int:
 
     Examples
     --------
-    >>> steps_among(44, (800, 1280)), steps_among(60, (800, 1280))
+    >>> phase_steps(44, (800, 1280)), phase_steps(60, (800, 1280))
     (0, 8)
     """
-    beside = count - frame_count(shape_rc)
-    if beside < 2 * STEPS[0] - 1:
+    extra = count - frame_count(shape_rc)
+    if extra < 2 * STEP_RANGE[0] - 1:
         return 0
-    if beside % 2 or beside > 2 * STEPS[1]:
+    if extra % 2 or extra > 2 * STEP_RANGE[1]:
         raise InputError(
             f"there are {count} photos: {frame_count(shape_rc)} for the Gray code of {shape_rc[1]} x {shape_rc[0]} "
-            f"pixels, and {beside} beside it; waves come in equal numbers, {STEPS[0]} to {STEPS[1]}, for columns and "
-            "for rows. Was the projector's resolution another?"
+            f"pixels, and {extra} beside it; waves come in equal numbers, {STEP_RANGE[0]} to {STEP_RANGE[1]}, for "
+            "columns and for rows. Was the projector's resolution another?"
         )
-    return beside // 2
+    return extra // 2
 
 
-def phased(frames: Grey, waves: Grey, shape_rc: tuple[int, int]) -> Phased:
+def decode_phase(frames: Grey, waves: Grey, shape_rc: tuple[int, int]) -> PhaseMap:
     """Find the place on the projector that each pixel sees from the phase of the waves.
 
     Parameters
@@ -136,49 +136,55 @@ def phased(frames: Grey, waves: Grey, shape_rc: tuple[int, int]) -> Phased:
     Examples
     --------
     >>> code = np.stack(list(gray_code.patterns((24, 40))))
-    >>> found = phased(code, np.stack(list(patterns((24, 40), 4))), (24, 40))
-    >>> bool(np.abs(found.place[12, 20] - [20, 12]).max() < 0.01), found.confidence[12, 20].round(2)
+    >>> found = decode_phase(code, np.stack(list(patterns((24, 40), 4))), (24, 40))
+    >>> bool(np.abs(found.projector_xy[12, 20] - [20, 12]).max() < 0.01), found.confidence[12, 20].round(2)
     (True, np.float64(0.99))
     """
-    coarse: Codes = decode(frames, shape_rc, unread=HALF_BITS)
+    coarse: Codes = decode(frames, shape_rc, skipped_bits=HALF_BITS)
     contrast = frames[-2].astype(np.float32) - frames[-1]
     shape = coarse.column.shape
-    place, weight = np.full((*shape, 2), np.nan, np.float32), np.zeros((*shape, 2), np.float32)
+    projector_xy, weight = np.full((*shape, 2), np.nan, np.float32), np.zeros((*shape, 2), np.float32)
     confidence = np.zeros(shape)
     codes = np.stack([coarse.column, coarse.row])
     limits = np.array([shape_rc[1], shape_rc[0]]) - 0.5
-    least = 0.5 * LIT * bright_end(frames)
+    min_amplitude = 0.5 * MIN_LIT * white_level(frames)
     with thread_pool() as parallel_for:
-        parallel_for(_phase, shape[0], waves, codes, contrast, limits, least, place, weight, confidence, block=16)
-    return Phased(place, weight, confidence)
+        parallel_for(
+            _phase, shape[0], waves, codes, contrast, limits, min_amplitude, projector_xy, weight, confidence, block=16
+        )
+    return PhaseMap(projector_xy, weight, confidence)
 
 
 @njit(cache=True, nogil=True)
-def _phase(first, last, waves, codes, contrast, limits, least, place, weight, confidence):  # type: ignore[no-untyped-def]
+def _phase(first, last, waves, codes, contrast, limits, min_amplitude, projector_xy, weight, confidence):  # type: ignore[no-untyped-def]
     steps = len(waves) // 2
     cosine, sine = np.cos(2 * np.pi * np.arange(steps) / steps), np.sin(2 * np.pi * np.arange(steps) / steps)
     half = 1 << HALF_BITS
     for r in range(first, last):
-        for q in range(place.shape[1]):
+        for q in range(projector_xy.shape[1]):
             if codes[0, r, q] < 0:
                 continue
-            sure, known = 1.0, True
+            relative_contrast, valid = 1.0, True
             for axis in range(2):
                 c, s = 0.0, 0.0
                 for k in range(steps):
                     level = float(waves[axis * steps + k, r, q])
                     c += cosine[k] * level
                     s += sine[k] * level
-                strength = 2.0 * np.sqrt(c * c + s * s) / steps  # B
+                amplitude = 2.0 * np.sqrt(c * c + s * s) / steps  # B
                 middle = codes[axis, r, q] * half + 0.5 * (half - 1)
-                turns = np.arctan2(s, c) / (2.0 * np.pi)
-                x = PERIOD * (turns + np.rint(middle / PERIOD - turns))
-                known &= strength >= least and abs(x - middle) <= AMBIGUOUS * PERIOD and -0.5 <= x <= limits[axis]
-                place[r, q, axis] = x
-                weight[r, q, axis] = 0.5 * steps * (strength * 2.0 * np.pi / PERIOD) ** 2
-                sure = min(sure, 2.0 * strength / max(contrast[r, q], np.float32(1.0)))
-            if known:
-                confidence[r, q] = sure
+                cycles = np.arctan2(s, c) / (2.0 * np.pi)
+                x = PERIOD * (cycles + np.rint(middle / PERIOD - cycles))
+                valid &= (
+                    amplitude >= min_amplitude
+                    and abs(x - middle) <= MAX_PHASE_ERROR * PERIOD
+                    and -0.5 <= x <= limits[axis]
+                )
+                projector_xy[r, q, axis] = x
+                weight[r, q, axis] = 0.5 * steps * (amplitude * 2.0 * np.pi / PERIOD) ** 2
+                relative_contrast = min(relative_contrast, 2.0 * amplitude / max(contrast[r, q], np.float32(1.0)))
+            if valid:
+                confidence[r, q] = relative_contrast
             else:
-                place[r, q] = np.nan
+                projector_xy[r, q] = np.nan
                 weight[r, q] = 0.0

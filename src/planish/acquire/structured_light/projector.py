@@ -16,25 +16,25 @@ SAMPLE = 1000
 FACTORS = np.exp(np.linspace(np.log(1 / 8), np.log(8), 209))
 """Of the projector's scale, that are tried: steps of 2 %."""
 
-GOOD_PX = 2.5
+MAX_GAP_PX = 2.5
 """Rays of a fitting pair miss each other by less, in pixels of the code (median)."""
 
-TRUE_PX = 0.7
+USUAL_GAP_PX = 0.7
 """Rays of a good calibration miss each other by less."""
 
-MUCH_BETTER = 3.0
+SCALE_GAIN = 3.0
 """Another scale must fit so many times better before it is the scale that is to blame."""
 
-NO_SCALE = 0.04
+MIN_SCALE_CHANGE = 0.04
 """A factor this near to 1 is no other resolution: small turns of a projector look like that."""
 
-FLATTER = 0.5
+FLATNESS_GAIN = 0.5
 """By a scale of columns or rows alone, or where rays miss little, planes must come out so many times as flat."""
 
 FLAT_SHARE, PLANES = 0.3, 300
 """Part of the view that is taken to be one plane, such as a board, a wall or the table, and planes that are tried."""
 
-PLAIN = np.array([1 / 8, 1 / 6, 1 / 5, 1 / 4, 1 / 3, 1 / 2, 2 / 3, 3 / 4, 4 / 3, 3 / 2, 2, 3, 4, 5, 6, 8])
+COMMON_FACTORS = np.array([1 / 8, 1 / 6, 1 / 5, 1 / 4, 1 / 3, 1 / 2, 2 / 3, 3 / 4, 4 / 3, 3 / 2, 2, 3, 4, 5, 6, 8])
 """Factors that people's resolutions differ by; one within 2 % is named as such."""
 
 
@@ -42,7 +42,7 @@ SCALED = {"pixels": np.array([1.0, 1.0]), "columns": np.array([1.0, 0.0]), "rows
 """What of the projector may have another scale: exponents of the factor for the columns and for the rows."""
 
 
-def points_and_misses(
+def triangulate_pairs(
     camera: Camera, projector: Camera, camera_xy: Floats, projector_xy: Floats
 ) -> tuple[Floats, Floats]:
     """Find the points that a camera sees at its pixels and a projector lights from its own.
@@ -61,34 +61,34 @@ def points_and_misses(
     -------
     points : (k, 3) float64 [mm]
         NaN where the rays meet nowhere before both.
-    misses : (k,) float64 [projector px]
+    errors_px : (k,) float64 [projector px]
         How far from its pixel the point falls on the projector: across the epipolar line, since along it the point
         was free.
     """
     directions, eye = rays(camera, camera_xy)
-    lights, lamp = rays(projector, projector_xy)
-    seen = lights @ projector.rotation.T
-    place = seen[:, :2] / seen[:, 2:]  # NaN where the lens folds over and has no ray
-    start = projector.rotation @ (eye - lamp)
-    along = directions @ projector.rotation.T
-    slope = along[:, :2] - place * along[:, 2:]
-    offset = start[:2] - place * start[2]
+    light_rays, lamp_centre = rays(projector, projector_xy)
+    seen = light_rays @ projector.rotation.T
+    undistorted = seen[:, :2] / seen[:, 2:]  # NaN where the lens folds over and has no ray
+    start = projector.rotation @ (eye - lamp_centre)
+    ray_directions = directions @ projector.rotation.T
+    slope = ray_directions[:, :2] - undistorted * ray_directions[:, 2:]
+    offset = start[:2] - undistorted * start[2]
     with np.errstate(divide="ignore", invalid="ignore"):
         t = -(slope * offset).sum(axis=1) / (slope**2).sum(axis=1)
-        far = start[2] + t * along[:, 2]
+        far = start[2] + t * ray_directions[:, 2]
         across = slope[:, 0] * offset[:, 1] - slope[:, 1] * offset[:, 0]
-        missed = np.abs(across) / np.linalg.norm(slope, axis=1) / np.abs(far)
+        error = np.abs(across) / np.linalg.norm(slope, axis=1) / np.abs(far)
     t[~(t > 0) | ~(far > 0)] = np.nan
     focal = np.sqrt(projector.matrix[0, 0] * projector.matrix[1, 1])
-    return eye + t[:, None] * directions, np.asarray(missed * focal)
+    return eye + t[:, None] * directions, np.asarray(error * focal)
 
 
-def coarser(projector: Camera, factor: float) -> Camera:
+def projector_of_code(projector: Camera, factor: float) -> Camera:
     """The same projector with pixels `factor` times as wide and high: those of its code, where they are not its own."""
-    return _stretched(projector, factor, factor)
+    return _scaled(projector, factor, factor)
 
 
-def _stretched(projector: Camera, across: float, down: float) -> Camera:
+def _scaled(projector: Camera, across: float, down: float) -> Camera:
     matrix = projector.matrix.copy()
     matrix[:2] /= np.array([[across], [down]])
     matrix[:2, 2] += (1 / np.array([across, down]) - 1) / 2  # pixel centres lie at integers
@@ -124,36 +124,40 @@ def check_fit(camera: Camera, projector: Camera, camera_xy: Floats, code_xy: Flo
     """
     some = slice(None, None, max(1, len(camera_xy) // SAMPLE))
     seen, lit = camera_xy[some], code_xy[some]
-    here = _median_miss(camera, projector, seen, lit)
-    if here <= TRUE_PX:
-        return here
-    for said, axes in SCALED.items():
-        best, miss = _best_scale(camera, projector, seen, lit, axes)
-        if miss > GOOD_PX or here < MUCH_BETTER * miss or abs(best - 1) < NO_SCALE:
+    error_px = _median_error_px(camera, projector, seen, lit)
+    if error_px <= USUAL_GAP_PX:
+        return error_px
+    for name, axes in SCALED.items():
+        best, scaled_error = _best_scale(camera, projector, seen, lit, axes)
+        if scaled_error > MAX_GAP_PX or error_px < SCALE_GAIN * scaled_error or abs(best - 1) < MIN_SCALE_CHANGE:
             continue
-        flat, flat_there = (_off_plane(camera, p, seen, lit) for p in (projector, _stretched(projector, *best**axes)))
-        if not flat_there < FLATTER * flat and (here <= GOOD_PX or not axes.all()):
+        flatness, flatness_scaled = (
+            _flatness_mm(camera, p, seen, lit) for p in (projector, _scaled(projector, *best**axes))
+        )
+        if not flatness_scaled < FLATNESS_GAIN * flatness and (error_px <= MAX_GAP_PX or not axes.all()):
             continue
-        plain = PLAIN[np.argmin(np.abs(np.log(PLAIN / best)))]
-        factor = float(plain) if abs(plain / best - 1) < 0.03 else best
+        common = COMMON_FACTORS[np.argmin(np.abs(np.log(COMMON_FACTORS / best)))]
+        factor = float(common) if abs(common / best - 1) < 0.03 else best
         remedy = (
             f"give {{projector_scale={factor:.3g}}} if its resolution was that much higher"
             if axes.all()
             else "show the patterns at the resolution that the projector was calibrated at, not stretched"
         )
-        planes = f", and the flattest part of the view is {flat_there:.2g} mm off a plane instead of {flat:.2g}"
+        planes = (
+            f", and the flattest part of the view is {flatness_scaled:.2g} mm off a plane instead of {flatness:.2g}"
+        )
         raise InputError(
-            f"the projector's calibration does not fit the code: rays miss each other by {here:.1f} pixels, but by "
-            f"{miss:.1f} if its {said} are taken to be {factor:.3g} times as fine as those of the code"
-            f"{planes if flat_there < flat else ''}",
+            f"the projector's calibration does not fit the code: rays miss each other by {error_px:.1f} pixels, but by "
+            f"{scaled_error:.1f} if its {name} are taken to be {factor:.3g} times as fine as those of the code"
+            f"{planes if flatness_scaled < flatness else ''}",
             remedy,
         )
-    if here <= GOOD_PX:
-        return here
+    if error_px <= MAX_GAP_PX:
+        return error_px
     raise InputError(
-        f"camera and projector do not fit the code: rays miss each other by {here:.1f} pixels (below {GOOD_PX:g} is "
-        f"wanted), and no other scale of the projector helps; did one of them move after it was calibrated, or is "
-        "this the calibration of another camera or projector?"
+        f"camera and projector do not fit the code: rays miss each other by {error_px:.1f} pixels (below "
+        f"{MAX_GAP_PX:g} is wanted), and no other scale of the projector helps; did one of them move after it was "
+        "calibrated, or is this the calibration of another camera or projector?"
     )
 
 
@@ -163,28 +167,28 @@ def _best_scale(
     """The factor of the projector's columns, rows or both at which rays miss each other least, and by how much."""
     around, best = FACTORS, 1.0
     for _ in range(2):  # the minimum is narrow: once more between its neighbours
-        misses = [_median_miss(camera, _stretched(projector, *f**axes), camera_xy, code_xy) for f in around]
-        best = float(around[int(np.argmin(misses))])
+        errors_px = [_median_error_px(camera, _scaled(projector, *f**axes), camera_xy, code_xy) for f in around]
+        best = float(around[int(np.argmin(errors_px))])
         around = best * np.linspace(0.98, 1.02, 41)
-    return best, float(min(misses))
+    return best, float(min(errors_px))
 
 
-def _off_plane(camera: Camera, projector: Camera, camera_xy: Floats, code_xy: Floats) -> float:
+def _flatness_mm(camera: Camera, projector: Camera, camera_xy: Floats, code_xy: Floats) -> float:
     """How far the flattest part of the view, FLAT_SHARE of it, lies off one plane at most [mm].
 
     Least over many planes through three points each (least quantile of absolute distances).
     """
-    points, _ = points_and_misses(camera, projector, camera_xy, code_xy)
+    points, _ = triangulate_pairs(camera, projector, camera_xy, code_xy)
     points = points[np.isfinite(points).all(axis=1)]
     a, b, c = points[np.random.default_rng(0).integers(len(points), size=(3, PLANES))]
     normal = np.cross(b - a, c - a)
     size = np.linalg.norm(normal, axis=1)
     normal = normal[size > 0] / size[size > 0, None]  # not where a point was drawn twice
-    off = np.abs(points @ normal.T - (a[size > 0] * normal).sum(axis=1))
-    return float(np.quantile(off, FLAT_SHARE, axis=0).min())
+    distance = np.abs(points @ normal.T - (a[size > 0] * normal).sum(axis=1))
+    return float(np.quantile(distance, FLAT_SHARE, axis=0).min())
 
 
-def _median_miss(camera: Camera, projector: Camera, camera_xy: Floats, code_xy: Floats) -> float:
-    points, misses = points_and_misses(camera, projector, camera_xy, code_xy)
-    met = np.isfinite(points[:, 2]) & np.isfinite(misses)
-    return float(np.median(misses[met])) if met.mean() > 0.5 else np.inf
+def _median_error_px(camera: Camera, projector: Camera, camera_xy: Floats, code_xy: Floats) -> float:
+    points, errors_px = triangulate_pairs(camera, projector, camera_xy, code_xy)
+    met = np.isfinite(points[:, 2]) & np.isfinite(errors_px)
+    return float(np.median(errors_px[met])) if met.mean() > 0.5 else np.inf

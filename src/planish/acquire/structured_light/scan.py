@@ -6,37 +6,37 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planish.acquire.grid_mesh import Acquired, grid_mesh
+from planish.acquire.grid_mesh import AcquiredScan, grid_mesh
 from planish.acquire.structured_light.frames import check_frames, unresolved_bits
 from planish.acquire.structured_light.gray_code import Grey, decode, frame_count
-from planish.acquire.structured_light.phase import phased, steps_among
+from planish.acquire.structured_light.phase import decode_phase, phase_steps
 from planish.acquire.structured_light.phase_frames import check_count, check_waves
-from planish.acquire.structured_light.projector import TRUE_PX, check_fit, coarser, points_and_misses
-from planish.acquire.structured_light.sub_code import refined
+from planish.acquire.structured_light.projector import USUAL_GAP_PX, check_fit, projector_of_code, triangulate_pairs
+from planish.acquire.structured_light.subpixel import refine_subpixel
 from planish.document.sheet_outline import sheet_mask
 from planish.errors import InputError, UsageError
 from planish.types import Bools, Camera, Diagnostic, Floats, Pixels, Scan
 
-LOOK = 50
+SAMPLED_SIDE = 50
 """Rows and columns of pixels all over the view, about, that tell whether calibration and code belong together."""
 
-STRAY_PX = 3.0
+MAX_EXTRA_ERROR_PX = 3.0
 """A point whose rays miss each other by so many more pixels of the code than usual is left out."""
 
 
-class Located(NamedTuple):
+class Correspondence(NamedTuple):
     """Which place on the projector each pixel of the camera sees.
 
     Attributes
     ----------
-    place : (rows, cols, 2) float64 [projector px]
+    projector_xy : (rows, cols, 2) float64 [projector px]
         x right, y down, pixel centres at integers; NaN where it is not known.
     confidence : (rows, cols) float64
         From 0 to 1.
     warnings : list of Diagnostic
     """
 
-    place: Floats
+    projector_xy: Floats
     confidence: Floats
     warnings: list[Diagnostic]
 
@@ -49,7 +49,7 @@ def from_gray_code(
     *,
     projector_scale: float = 1.0,
     mask: Bools | str | None = "auto",
-) -> Acquired:
+) -> AcquiredScan:
     """Make a scan from photos of a sheet under a projector's Gray code.
 
     Parameters
@@ -73,31 +73,31 @@ def from_gray_code(
     if not projector_scale > 0:
         raise UsageError(f"the projector scale is {projector_scale:g}; it must be above 0")
     check_size(frames.shape[1:], camera)
-    code_projector = coarser(projector, projector_scale)
+    code_projector = projector_of_code(projector, projector_scale)
     photo = _three_channels(frames[-2]) if photo is None else photo
     sheet, warnings = sheet_mask(photo, mask)
     sparse = _sparse(camera.shape_rc)
-    found = located(frames, code_projector.shape_rc, None if sheet is None else sheet | sparse)
-    warnings = found.warnings + warnings
-    points, missed_px = triangulated(camera, code_projector, found.place, sparse)
+    correspondence = find_correspondence(frames, code_projector.shape_rc, None if sheet is None else sheet | sparse)
+    warnings = correspondence.warnings + warnings
+    points, median_error_px = triangulate(camera, code_projector, correspondence.projector_xy, sparse)
     if sheet is not None:
         points[~sheet] = np.nan
-    if missed_px > TRUE_PX:
+    if median_error_px > USUAL_GAP_PX:
         warnings.append(
             Diagnostic(
                 "calibration-poor",
-                f"rays of camera and projector miss each other by {missed_px:.1f} pixels of the code (median; a good "
-                f"calibration has below {TRUE_PX:g}): sizes may be off by a percent or more",
+                f"rays of camera and projector miss each other by {median_error_px:.1f} pixels of the code (median; a "
+                f"good calibration has below {USUAL_GAP_PX:g}): sizes may be off by a percent or more",
             )
         )
     noise_mm = _noise(points @ camera.rotation[2])
     mesh, pixel_xy = grid_mesh(points, camera, noise_mm=noise_mm)
     column, row = pixel_xy.astype(int).T
     scan = Scan(mesh, photo, pixel_xy, camera)
-    return Acquired(scan, found.confidence[row, column], noise_mm, tuple(warnings))
+    return AcquiredScan(scan, correspondence.confidence[row, column], noise_mm, tuple(warnings))
 
 
-def located(frames: Grey, shape_rc: tuple[int, int], where: Bools | None = None) -> Located:
+def find_correspondence(frames: Grey, shape_rc: tuple[int, int], where: Bools | None = None) -> Correspondence:
     """Find the place on the projector that each pixel of the camera sees, from all its photos.
 
     Parameters
@@ -116,13 +116,13 @@ def located(frames: Grey, shape_rc: tuple[int, int], where: Bools | None = None)
     """
     code, waves = frames, None
     check_count(frames, shape_rc)
-    if steps := steps_among(len(frames), shape_rc):
+    if steps := phase_steps(len(frames), shape_rc):
         bits = frame_count(shape_rc) - 2
         code, waves = np.concatenate([frames[:bits], frames[-2:]]), frames[bits:-2]
         assert len(waves) == 2 * steps
     warnings = check_frames(code, shape_rc)
-    unread = unresolved_bits(code, shape_rc) if waves is None else (0, 0)
-    codes = decode(code, shape_rc, unread=unread)
+    skipped_bits = unresolved_bits(code, shape_rc) if waves is None else (0, 0)
+    codes = decode(code, shape_rc, skipped_bits=skipped_bits)
     if waves is None:
         if not (codes.column >= 0).any():
             raise InputError(
@@ -137,24 +137,28 @@ def located(frames: Grey, shape_rc: tuple[int, int], where: Bools | None = None)
                 "wider, so places are less exact",
                 "focus, come nearer, or show waves as well",
             )
-            for name, bits in zip(("columns", "rows"), unread, strict=True)
+            for name, bits in zip(("columns", "rows"), skipped_bits, strict=True)
             if bits
         ]
-        return Located(refined(code, codes, shape_rc, where, unread=unread), codes.confidence, warnings)
+        return Correspondence(
+            refine_subpixel(code, codes, shape_rc, where, skipped_bits=skipped_bits), codes.confidence, warnings
+        )
     check_waves(code, waves, shape_rc)
-    shown = phased(code, waves, shape_rc)
+    shown = decode_phase(code, waves, shape_rc)
     confidence = np.where(shown.confidence > 0, shown.confidence, codes.confidence)
-    return Located(refined(code, codes, shape_rc, where, shown), confidence, warnings)
+    return Correspondence(refine_subpixel(code, codes, shape_rc, where, shown), confidence, warnings)
 
 
-def triangulated(camera: Camera, projector: Camera, place: Floats, sparse: Bools | None = None) -> tuple[Floats, float]:
+def triangulate(
+    camera: Camera, projector: Camera, projector_xy: Floats, sparse: Bools | None = None
+) -> tuple[Floats, float]:
     """Put what every camera pixel sees of the projector into space.
 
     Parameters
     ----------
     camera, projector : Camera
         The projector in pixels of the code.
-    place : (rows, cols, 2) float64 [projector px]
+    projector_xy : (rows, cols, 2) float64 [projector px]
     sparse : (rows, cols) bool, optional
         Pixels all over the view that tell whether calibration and code belong together. By default all.
 
@@ -162,7 +166,7 @@ def triangulated(camera: Camera, projector: Camera, place: Floats, sparse: Bools
     -------
     points : (rows, cols, 3) float64 [mm]
         NaN where nothing was read, or the rays miss each other.
-    missed_px : float
+    median_error_px : float
         By how much the rays miss each other, in pixels of the code (median).
 
     Raises
@@ -170,23 +174,23 @@ def triangulated(camera: Camera, projector: Camera, place: Floats, sparse: Bools
     InputError
         If calibration and code do not fit, see `projector.check_fit`.
     """
-    known = np.isfinite(place).all(axis=2)
+    known = np.isfinite(projector_xy).all(axis=2)
     if not known.any():
         raise InputError("no stripe's edge was found; are the projector's patterns in focus and its pixels in view?")
     camera_xy = np.argwhere(known)[:, ::-1].astype(np.float64)
-    asked = sparse[known] if sparse is not None and sparse[known].any() else np.ones(len(camera_xy), bool)
-    usual = check_fit(camera, projector, camera_xy[asked], place[known][asked])
-    met, misses = points_and_misses(camera, projector, camera_xy, place[known])
-    met[~(misses <= usual + STRAY_PX)] = np.nan
+    sampled = sparse[known] if sparse is not None and sparse[known].any() else np.ones(len(camera_xy), bool)
+    median_error = check_fit(camera, projector, camera_xy[sampled], projector_xy[known][sampled])
+    triangulate, errors_px = triangulate_pairs(camera, projector, camera_xy, projector_xy[known])
+    triangulate[~(errors_px <= median_error + MAX_EXTRA_ERROR_PX)] = np.nan
     points = np.full((*known.shape, 3), np.nan)
-    points[known] = met
-    return points, usual
+    points[known] = triangulate
+    return points, median_error
 
 
 def _sparse(shape_rc: tuple[int, int]) -> Bools:
     """Every so many pixels, along rows and columns."""
     sparse = np.zeros(shape_rc, bool)
-    step = max(1, min(shape_rc) // LOOK)
+    step = max(1, min(shape_rc) // SAMPLED_SIDE)
     sparse[::step, ::step] = True
     return sparse
 

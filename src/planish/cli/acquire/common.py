@@ -11,7 +11,7 @@ from cyclopts import Parameter
 from planish.cli.options import Output, Quiet, check_files
 
 if TYPE_CHECKING:
-    from planish.acquire.grid_mesh import Acquired
+    from planish.acquire.grid_mesh import AcquiredScan
     from planish.io.filecloud import FileCloud
     from planish.types import Bools, Camera, Diagnostic, Pixels
 
@@ -86,23 +86,23 @@ def read_optional_photo(
     )
 
 
-def write_acquired(acquired: Acquired, files: ScanFiles) -> list[Path]:
+def write_acquired(acquired: AcquiredScan, files: ScanFiles) -> list[Path]:
     """Write the scan and, if requested, its picture."""
     import numpy as np
 
-    from planish.acquire.picture import picture as scan_picture
+    from planish.acquire.scan_preview import preview
     from planish.io import write_page, write_scan
     from planish.types import Page
 
     written = write_scan(files.output, acquired.scan)
     if files.picture is not None:
-        pixels = scan_picture(acquired)
+        pixels = preview(acquired)
         write_page(files.picture, Page(pixels, np.ones(pixels.shape[:2], bool), 100.0))
         written.append(files.picture)
     return written
 
 
-def print_scan_summary(acquired: Acquired, warnings: list[Diagnostic], written: list[Path], *, quiet: bool) -> None:
+def print_scan_summary(acquired: AcquiredScan, warnings: list[Diagnostic], written: list[Path], *, quiet: bool) -> None:
     """Print warnings to stderr, and a summary if stdout is a terminal."""
     import sys
 

@@ -85,7 +85,7 @@ def patterns(
     """
     import sys
 
-    from planish.acquire.structured_light.phase import with_code
+    from planish.acquire.structured_light.phase import all_patterns
     from planish.errors import UsageError
     from planish.io import make_folder
     from planish.io.files import write_bytes
@@ -94,7 +94,7 @@ def patterns(
     width, height = size
     if not (2 <= width <= 16384 and 2 <= height <= 16384):
         raise UsageError(f"--size is {width} x {height}; expected width and height of the projector, 2 to 16384")
-    images = list(with_code((height, width), phase_steps))
+    images = list(all_patterns((height, width), phase_steps))
     make_folder(output)
     for count, image in enumerate(images):
         write_bytes(output / f"pattern_{count:02d}.png", png_bytes(image))

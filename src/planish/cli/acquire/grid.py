@@ -59,7 +59,7 @@ def grid(
     import numpy as np
 
     from planish.acquire.range_image.grid import from_grid, grid_photo
-    from planish.acquire.range_image.shape import grid_shape
+    from planish.acquire.range_image.grid_shape import grid_shape
     from planish.cli.console import progress_bar
     from planish.io import read_cloud
 

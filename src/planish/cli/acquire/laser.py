@@ -58,7 +58,7 @@ def laser(
         unlit_photo = read_photo(photo)
         lines = 1 if isinstance(laser_planes, tuple) else laser_planes.shape[1]
         sweep = sweep_stripes(
-            lambda k: read_photo(paths[k]).pixels, names, unlit_photo.pixels, lines=lines, tell=progress
+            lambda k: read_photo(paths[k]).pixels, names, unlit_photo.pixels, lines=lines, progress=progress
         )
         progress("acquire", 0.0)
         if isinstance(laser_planes, tuple):

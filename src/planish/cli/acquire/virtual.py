@@ -81,13 +81,13 @@ def _depth(folder: Path, sheet: Sheet, small: bool) -> Page:
 
 
 def _gray_code(folder: Path, sheet: Sheet, small: bool, phase_steps: int) -> Page:
-    from planish.acquire.structured_light.phase import with_code
+    from planish.acquire.structured_light.phase import all_patterns
     from planish.gallery import typeset_sheet
     from planish.gallery.devices import SMALL_RIG, projector_rig, structured_light
 
     camera, projector = projector_rig(sheet, *SMALL_RIG) if small else projector_rig(sheet)
     page, _ = typeset_sheet(sheet)
-    capture = structured_light(sheet, camera, projector, with_code(projector.shape_rc, phase_steps), page)
+    capture = structured_light(sheet, camera, projector, all_patterns(projector.shape_rc, phase_steps), page)
     write_images(folder / "photos", list(capture.frames))
     write_images(folder, [capture.photo], "photo.png")
     write_camera(folder / "camera.json", camera)
@@ -97,7 +97,7 @@ def _gray_code(folder: Path, sheet: Sheet, small: bool, phase_steps: int) -> Pag
 
 def _boards(folder: Path, small: bool, phase_steps: int) -> None:
     from planish.acquire.calibration.boards import Board, board_pixels
-    from planish.acquire.structured_light.phase import with_code
+    from planish.acquire.structured_light.phase import all_patterns
     from planish.gallery import sheet
     from planish.gallery.devices import SMALL_RIG, board_poses, posed, projector_rig, structured_light
 
@@ -106,7 +106,7 @@ def _boards(folder: Path, small: bool, phase_steps: int) -> None:
     whites = []
     for k, (turn, middle) in enumerate(board_poses(8)):
         board, page = posed(pixels, 90, BOARD_MM, turn, middle)
-        capture = structured_light(board, camera, projector, with_code(projector.shape_rc, phase_steps), page)
+        capture = structured_light(board, camera, projector, all_patterns(projector.shape_rc, phase_steps), page)
         write_images(folder / f"pose_{k}", list(capture.frames))
         whites.append(capture.frames[-2])
     write_images(folder / "camera", whites)

@@ -25,7 +25,7 @@ def write_calibration(
     import numpy as np
     from rich.console import Console
 
-    from planish.acquire.calibration.poses import poses_picture
+    from planish.acquire.calibration.poses import draw_poses
     from planish.hints import as_flag
     from planish.io import write_json, write_page
     from planish.io.cameras import camera_as_json
@@ -38,7 +38,7 @@ def write_calibration(
     )
     write_json(output, {**camera_as_json(calibration.camera), "note": note})
     if picture is not None:
-        pixels = poses_picture(calibration, board)
+        pixels = draw_poses(calibration, board)
         write_page(picture, Page(pixels, np.ones(pixels.shape[:2], bool), 100.0))
     if quiet:
         return

@@ -56,8 +56,8 @@ def laser(
         Print nothing but errors.
     """
     from planish.acquire.calibration.boards import Board
-    from planish.acquire.laser.axis import axis_of_boards
-    from planish.acquire.laser.board import planes_of_boards
+    from planish.acquire.laser.axis import calibrate_laser_axis
+    from planish.acquire.laser.board import calibrate_laser_planes
     from planish.errors import UsageError
     from planish.io import check_writable, read_camera, read_photo
     from planish.io.captures import image_files
@@ -70,14 +70,14 @@ def laser(
     names = [path.name for path in paths]
     target = Board(*squares, square_mm, kind)
     if motion is None:
-        calibration = planes_of_boards(pixels, names, camera_model, target, lines=lines)
+        calibration = calibrate_laser_planes(pixels, names, camera_model, target, lines=lines)
         write_rig(output, calibration.planes, camera_model)
         points, rms_mm = calibration.points, " and ".join(f"{rms:.3f}" for rms in calibration.rms_mm)
     else:
         moved, angles = read_motion(motion, names)
         if moved != "angles_deg" or lines != 1:
             raise UsageError("the axis needs one laser line and angles: --lines 1, and a column angle_deg")
-        axis = axis_of_boards(pixels, names, camera_model, target, angles)
+        axis = calibrate_laser_axis(pixels, names, camera_model, target, angles)
         write_rig(output, axis.plane[None], camera_model, axis=(axis.point, axis.direction))
         points, rms_mm = axis.points, f"{axis.rms_mm:.3f}"
     if not quiet:
@@ -118,7 +118,7 @@ def laser_lines(
     """
     import sys
 
-    from planish.acquire.laser.rig import rig_of_squares
+    from planish.acquire.laser.rig import calibrate_laser_rig
     from planish.cli.acquire.laser_lines import camera_of
     from planish.io import check_writable, read_camera, read_photo
     from planish.io.lasers import write_rig
@@ -127,7 +127,7 @@ def laser_lines(
     lit_pixels, unlit_pixels = read_photo(lit).pixels, None if photo is None else read_photo(photo).pixels
     camera_model = camera_of(lit, lit_pixels.shape[:2]) if camera is None else read_camera(camera)
     side = GUESSED_SQUARE_MM if square_mm is None else square_mm
-    rig = rig_of_squares(lit_pixels, unlit_pixels, camera_model, side, lens=not camera_model.distortion.any())
+    rig = calibrate_laser_rig(lit_pixels, unlit_pixels, camera_model, side, lens=not camera_model.distortion.any())
     note = None
     if square_mm is None:
         note = f"the squares are assumed to be {side:g} mm, so that pages are not at true size (--square-mm)"

@@ -8,28 +8,30 @@ from planish.errors import InputError
 from planish.geometry.axes import principal_axes
 from planish.types import Bools, Floats
 
-NEAR = 5.0
+MAX_STEP = 5.0
 """Neighbours in a row, and in a column, lie within so many times the mean distance of as many points spread evenly."""
 
-FARTHEST = 0.25
+MAX_STEP_SHARE = 0.25
 """Nor are they neighbours if they lie this part of the whole apart."""
 
-ACROSS = 0.5
+MIN_SINE = 0.5
 """A step down a column leads across a step along a row: at least the sine of 30 degrees between them."""
 
 SAMPLE = 20_000
 """Pairs of points that are looked at for each possible width."""
 
 
-def grid_shape(points: Floats, told: tuple[int, int] | None, asked: tuple[int, int] | None) -> tuple[int, int]:
+def grid_shape(
+    points: Floats, file_shape: tuple[int, int] | None, user_shape: tuple[int, int] | None
+) -> tuple[int, int]:
     """Rows and columns of a range image.
 
     Parameters
     ----------
     points : (n, 3) float64
-    told : (int, int) or None
+    file_shape : (int, int) or None
         Rows and columns that the file names.
-    asked : (int, int) or None
+    user_shape : (int, int) or None
         Rows and columns that the user names; they win.
 
     Raises
@@ -37,9 +39,9 @@ def grid_shape(points: Floats, told: tuple[int, int] | None, asked: tuple[int, i
     InputError
         If they do not make n pixels, or none are named and the points stand in no order of rows.
     """
-    wanted = asked or told
+    wanted = user_shape or file_shape
     if wanted is None:
-        found = recognised_shape(points)
+        found = detect_grid_shape(points)
         if found is None:
             raise InputError(
                 f"the {len(points):,} points stand in no order of rows and columns",
@@ -56,7 +58,7 @@ def grid_shape(points: Floats, told: tuple[int, int] | None, asked: tuple[int, i
     return rows, cols
 
 
-def recognised_shape(points: Floats) -> tuple[int, int] | None:
+def detect_grid_shape(points: Floats) -> tuple[int, int] | None:
     """Rows and columns in which points stand, found from how near they are to their neighbours; None if in no rows.
 
     Parameters
@@ -68,9 +70,9 @@ def recognised_shape(points: Floats) -> tuple[int, int] | None:
     --------
     >>> row, col = np.mgrid[:30, :40]
     >>> points = np.stack([col, row, 0.1 * col + 300], axis=-1).reshape(-1, 3)
-    >>> recognised_shape(points)
+    >>> detect_grid_shape(points)
     (30, 40)
-    >>> recognised_shape(np.random.default_rng(0).permutation(points)) is None
+    >>> detect_grid_shape(np.random.default_rng(0).permutation(points)) is None
     True
     """
     known: Bools = np.asarray(np.isfinite(points).all(axis=1) & points.any(axis=1))
@@ -79,7 +81,7 @@ def recognised_shape(points: Floats) -> tuple[int, int] | None:
         return None
     axes = principal_axes(spread[:: 1 + len(spread) // SAMPLE])[0]
     sides = np.ptp(spread @ axes[:2].T, axis=0)
-    reach = min(NEAR * float(np.sqrt(sides.prod() / len(spread))), FARTHEST * float(sides.max()))
+    reach = min(MAX_STEP * float(np.sqrt(sides.prod() / len(spread))), MAX_STEP_SHARE * float(sides.max()))
     along, length = _step(points, known, 1)
     if not 0 < length <= reach:
         return None
@@ -87,7 +89,7 @@ def recognised_shape(points: Floats) -> tuple[int, int] | None:
     for cols in (k for k in range(2, len(points) // 2 + 1) if len(points) % k == 0):
         down, distance = _step(points, known, cols)
         size = float(np.linalg.norm(along) * np.linalg.norm(down))
-        if 0 < distance <= best and np.linalg.norm(np.cross(along, down)) > ACROSS * size:
+        if 0 < distance <= best and np.linalg.norm(np.cross(along, down)) > MIN_SINE * size:
             best, width = distance, cols
     return (len(points) // width, width) if width else None
 

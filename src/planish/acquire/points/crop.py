@@ -6,20 +6,20 @@ import cv2
 import numpy as np
 from scipy import ndimage, sparse
 
-from planish.acquire.range_image.depth import on_white
+from planish.acquire.range_image.depth import inside_mask
 from planish.errors import InputError
 from planish.geometry import depths, project
 from planish.mesh import rasterize, without_small_components
 from planish.types import Bools, Camera, Floats, Mesh
 
-MOSTLY = 0.5
+MIN_SHARE = 0.5
 """A piece belongs to the sheet if at least this part of its points is seen, and seen on the sheet."""
 
 STEEP_PX = 2.0
 """A point is not hidden by what lies before it by less than so many pixels' width: a slope covers itself."""
 
 
-def cut_out(mesh: Mesh, camera: Camera, sheet: Bools, rim_mm: float, noise_mm: float) -> Mesh:
+def crop_to_sheet(mesh: Mesh, camera: Camera, sheet: Bools, rim_mm: float, noise_mm: float) -> Mesh:
     """Take out what a photo sees beside the sheet, and pieces that it does not see.
 
     What hides behind the sheet, as the table under a fold, is not seen at all: it stays only if it hangs together with
@@ -42,16 +42,16 @@ def cut_out(mesh: Mesh, camera: Camera, sheet: Bools, rim_mm: float, noise_mm: f
         If nothing is left.
     """
     xy = project(camera, mesh.points)
-    seen = _seen(mesh, camera, xy, rim_mm + 3 * noise_mm)
+    visible = _visible(mesh, camera, xy, rim_mm + 3 * noise_mm)
     rim_px = 2 * round(rim_mm * camera.matrix[0, 0] / float(np.median(depths(camera, mesh.points)))) + 1
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (rim_px, rim_px))
-    on = on_white(xy, cv2.erode(sheet.astype(np.uint8), disc).astype(bool))
-    faces = mesh.faces[~(seen & ~on)[mesh.faces].any(axis=1)]
+    on_sheet = inside_mask(xy, cv2.erode(sheet.astype(np.uint8), disc).astype(bool))
+    faces = mesh.faces[~(visible & ~on_sheet)[mesh.faces].any(axis=1)]
     ends = np.concatenate([faces[:, :2], faces[:, 1:]])
     links = sparse.coo_matrix((np.ones(len(ends), bool), tuple(ends.T)), shape=(len(xy), len(xy)))
     count, piece = sparse.csgraph.connected_components(links, directed=False)
-    share = np.bincount(piece, seen & on, count) / np.bincount(piece, minlength=count)
-    faces = faces[share[piece[faces[:, 0]]] >= MOSTLY]
+    share = np.bincount(piece, visible & on_sheet, count) / np.bincount(piece, minlength=count)
+    faces = faces[share[piece[faces[:, 0]]] >= MIN_SHARE]
     if not len(faces):
         raise InputError(
             "none of the points lie on the sheet that the photo shows; do photo, camera, mask and points belong "
@@ -61,18 +61,18 @@ def cut_out(mesh: Mesh, camera: Camera, sheet: Bools, rim_mm: float, noise_mm: f
     return Mesh(mesh.points[used], faces)
 
 
-def _seen(mesh: Mesh, camera: Camera, xy: Floats, reach_mm: float) -> Bools:
+def _visible(mesh: Mesh, camera: Camera, xy: Floats, reach_mm: float) -> Bools:
     """Which points of a mesh have nothing before them."""
     depth = depths(camera, mesh.points)
     face, weights = rasterize(xy, mesh.faces, camera.shape_rc, nearness=1 / depth, perspective=True)
-    drawn = np.full(face.shape, np.inf)
+    rendered_depth = np.full(face.shape, np.inf)
     row, col = np.nonzero(face >= 0)
     w = weights[row, col].astype(np.float64)
-    drawn[row, col] = (np.column_stack([1 - w.sum(axis=1), w]) * depth[mesh.faces[face[row, col]]]).sum(axis=1)
-    farthest = ndimage.maximum_filter(drawn, 3)
-    inside = on_white(xy, np.ones(face.shape, bool))
-    at_col, at_row = np.rint(xy[inside]).astype(int).T
-    seen = np.ones(len(xy), bool)
+    rendered_depth[row, col] = (np.column_stack([1 - w.sum(axis=1), w]) * depth[mesh.faces[face[row, col]]]).sum(axis=1)
+    farthest = ndimage.maximum_filter(rendered_depth, 3)
+    inside = inside_mask(xy, np.ones(face.shape, bool))
+    col_of, row_of = np.rint(xy[inside]).astype(int).T
+    visible = np.ones(len(xy), bool)
     pixel_mm = depth[inside] / camera.matrix[0, 0]
-    seen[inside] = depth[inside] <= farthest[at_row, at_col] + reach_mm + STEEP_PX * pixel_mm
-    return seen
+    visible[inside] = depth[inside] <= farthest[row_of, col_of] + reach_mm + STEEP_PX * pixel_mm
+    return visible

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from planish.acquire.grid_mesh import Acquired
+from planish.acquire.grid_mesh import AcquiredScan
 from planish.color import to_uint8
 from planish.geometry.guards import TINY, TINY_MM
 from planish.mesh import onto_support_plane, point_normals, rasterize
@@ -21,27 +21,27 @@ PAPER = np.array([214, 208, 196], np.float64)
 LIGHT = np.array([-0.5, 0.35, 0.79])
 
 
-def picture(made: Acquired) -> NDArray[np.uint8]:
+def preview(acquired: AcquiredScan) -> NDArray[np.uint8]:
     """Draw a scan three times from the front and above: shaded; with its photo; confidence from dark (0) to light (1).
 
     Parameters
     ----------
-    made : Acquired
+    acquired : Acquired
         Its scan has a photo place for every point, even if it has no photo: then there are two drawings.
 
     Returns
     -------
     (rows, cols, 3) uint8
     """
-    scan = made.scan
+    scan = acquired.scan
     assert scan.photo_xy is not None
-    standing = _top_away(scan.photo_xy, onto_support_plane(scan.mesh)[0])
-    shade = 0.35 + 0.75 * np.abs(point_normals(standing, scan.mesh.faces) @ LIGHT)
-    values = np.column_stack([shade, made.confidence, scan.photo_xy])
-    seen, drawn = _drawn(Mesh(standing, scan.mesh.faces), values)
-    panels = [_shaded(drawn[..., 0]), _coloured(drawn[..., 1])]
+    points = _orient_top(scan.photo_xy, onto_support_plane(scan.mesh)[0])
+    shade = 0.35 + 0.75 * np.abs(point_normals(points, scan.mesh.faces) @ LIGHT)
+    values = np.column_stack([shade, acquired.confidence, scan.photo_xy])
+    seen, rendered = _render(Mesh(points, scan.mesh.faces), values)
+    panels = [_shading(rendered[..., 0]), _confidence_colours(rendered[..., 1])]
     if scan.photo is not None:
-        panels.insert(1, _photographed(scan.photo, drawn[..., 2:]))
+        panels.insert(1, _textured(scan.photo, rendered[..., 2:]))
     margin = np.tile(GROUND, (ROWS, GAP, 1))
     whole = [margin]
     for panel in panels:
@@ -49,15 +49,15 @@ def picture(made: Acquired) -> NDArray[np.uint8]:
     return np.hstack(whole)
 
 
-def _top_away(photo_xy: Floats, standing: Floats) -> Floats:
+def _orient_top(photo_xy: Floats, points: Floats) -> Floats:
     """The sheet turned on its table so that the photo's top lies away from the viewer."""
-    place = standing[:, :2] - standing[:, :2].mean(axis=0)
-    down = place.T @ (photo_xy[:, 1] - photo_xy[:, 1].mean())
+    position = points[:, :2] - points[:, :2].mean(axis=0)
+    down = position.T @ (photo_xy[:, 1] - photo_xy[:, 1].mean())
     x, y = -down / max(float(np.linalg.norm(down)), TINY)
-    return np.column_stack([place @ np.array([[y, x], [-x, y]]), standing[:, 2]])
+    return np.column_stack([position @ np.array([[y, x], [-x, y]]), points[:, 2]])
 
 
-def _drawn(mesh: Mesh, values: Floats) -> tuple[Bools, Floats]:
+def _render(mesh: Mesh, values: Floats) -> tuple[Bools, Floats]:
     """Draw a mesh from the front and above: where it is seen, and its values (n, k) there, (rows, cols, k)."""
     t = np.radians(TILT_DEG)
     right, up = mesh.points[:, 0], mesh.points[:, 1] * np.cos(t) + mesh.points[:, 2] * np.sin(t)
@@ -69,26 +69,26 @@ def _drawn(mesh: Mesh, values: Floats) -> tuple[Bools, Floats]:
     seen = face >= 0
     corners, w = mesh.faces[face[seen]], weight[seen].astype(np.float64)
     shares = np.column_stack([1 - w.sum(axis=1), w])
-    drawn = np.zeros((ROWS, cols, values.shape[1]))
-    drawn[seen] = np.einsum("pk,pkc->pc", shares, values[corners])
-    return seen, drawn
+    rendered = np.zeros((ROWS, cols, values.shape[1]))
+    rendered[seen] = np.einsum("pk,pkc->pc", shares, values[corners])
+    return seen, rendered
 
 
-def _shaded(shade: Floats) -> NDArray[np.uint8]:
+def _shading(shade: Floats) -> NDArray[np.uint8]:
     return np.clip(shade[..., None] * PAPER, 0, 255).astype(np.uint8)
 
 
-def _coloured(confidence: Floats) -> NDArray[np.uint8]:
+def _confidence_colours(confidence: Floats) -> NDArray[np.uint8]:
     levels = (255 * np.clip(confidence, 0, 1)).astype(np.uint8)
     return np.asarray(cv2.applyColorMap(levels, cv2.COLORMAP_VIRIDIS)[..., ::-1], np.uint8)
 
 
-def _photographed(photo: Pixels, photo_xy: Floats) -> NDArray[np.uint8]:
+def _textured(photo: Pixels, photo_xy: Floats) -> NDArray[np.uint8]:
     """The photo where it is seen, halved until its pixels are about as large as the panel's."""
     small = to_uint8(photo)
-    place = np.asarray(photo_xy, np.float32)
+    position = np.asarray(photo_xy, np.float32)
     while min(small.shape[:2]) > 2 * ROWS:
         small = cv2.resize(small, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
-        place = ((place + 0.5) / 2 - 0.5).astype(np.float32)
-    drawn = cv2.remap(np.ascontiguousarray(small), place[..., 0], place[..., 1], cv2.INTER_LINEAR)
-    return np.asarray(drawn, np.uint8)
+        position = ((position + 0.5) / 2 - 0.5).astype(np.float32)
+    rendered = cv2.remap(np.ascontiguousarray(small), position[..., 0], position[..., 1], cv2.INTER_LINEAR)
+    return np.asarray(rendered, np.uint8)

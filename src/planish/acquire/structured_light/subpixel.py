@@ -14,7 +14,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from planish.acquire.structured_light.gray_code import Codes, Grey, bits_for
-from planish.acquire.structured_light.phase import Phased
+from planish.acquire.structured_light.phase import PhaseMap
 from planish.geometry.guards import SINGULAR
 from planish.parallel import thread_pool
 from planish.types import Bools, Floats, Ints
@@ -29,10 +29,10 @@ SPREAD = 2.0
 STEEPEST = 3.0
 """A crossing on the same surface differs from the pixel's own code by at most this much a pixel."""
 
-FEWEST = 8
+MIN_CROSSINGS = 8
 """Crossings for a surface of six numbers."""
 
-OFF = 1.0
+MAX_CHANGE = 1.0
 """A fit that leaves the pixel's own code by more is none."""
 
 SPAN = 2.0 * REACH + 2.0
@@ -45,14 +45,14 @@ CROSSING = 3 / 4
 (1 - t)^2 + t^2 over where it may lie between two pixels."""
 
 
-def refined(
+def refine_subpixel(
     frames: Grey,
     codes: Codes,
     shape_rc: tuple[int, int],
     where: Bools | None = None,
-    waves: Phased | None = None,
+    waves: PhaseMap | None = None,
     *,
-    unread: tuple[int, int] = (0, 0),
+    skipped_bits: tuple[int, int] = (0, 0),
 ) -> Floats:
     """Find the place on the projector that each camera pixel sees, to small parts of its pixel.
 
@@ -68,7 +68,7 @@ def refined(
         Pixels that are wanted; the others stay NaN.
     waves : Phased, optional
         What waves say besides.
-    unread : (int, int)
+    skipped_bits : (int, int)
         As `codes` was decoded with, of columns and of rows; (0, 0) beside waves.
 
     Returns
@@ -76,26 +76,31 @@ def refined(
     (rows, cols, 2) float64 [projector px]
         x right, y down, pixel centres at integers; NaN where there are too few stripe edges around the pixel.
     """
-    place = np.full((*codes.column.shape, 2), np.nan)
-    wanted = np.ones(codes.column.shape, bool) if where is None else where
+    projector_xy = np.full((*codes.column.shape, 2), np.nan)
+    selected = np.ones(codes.column.shape, bool) if where is None else where
     column_bits, row_bits = bits_for(shape_rc[1]), bits_for(shape_rc[0])
     contrast = frames[-2].astype(np.float32) - frames[-1]
     for axis, (code, start, bits) in enumerate(
         ((codes.column, 0, column_bits), (codes.row, 2 * column_bits, row_bits))
     ):
-        pair = frames[start : start + 2 * (bits - unread[axis])]
+        pair = frames[start : start + 2 * (bits - skipped_bits[axis])]
         at, value, weight = _crossings(pair, code, contrast)
-        own = code.astype(np.float32)
+        coarse_xy = code.astype(np.float32)
         if waves is not None:
-            value, weight = np.dstack([value, waves.place[..., axis]]), np.dstack([weight, waves.weight[..., axis]])
-            own = np.where(waves.weight[..., axis] > 0, waves.place[..., axis], own)
-        wider = max(unread[axis], 1)
+            value, weight = (
+                np.dstack([value, waves.projector_xy[..., axis]]),
+                np.dstack([weight, waves.weight[..., axis]]),
+            )
+            coarse_xy = np.where(waves.weight[..., axis] > 0, waves.projector_xy[..., axis], coarse_xy)
+        wider = max(skipped_bits[axis], 1)
         near = np.exp(-0.5 * (np.arange(REACH * wider + 1) / (SPREAD * wider)) ** 2)
         with thread_pool() as parallel_for:
-            parallel_for(_fit, len(code), wanted, own, at, value, weight, near, place[..., axis], block=16)
-        side = 1 << unread[axis]  # projector pixels to one step of the code that was read
-        place[..., axis] = side * place[..., axis] + 0.5 * (side - 1)
-    return place
+            parallel_for(
+                _fit, len(code), selected, coarse_xy, at, value, weight, near, projector_xy[..., axis], block=16
+            )
+        side = 1 << skipped_bits[axis]  # projector pixels to one step of the code that was read
+        projector_xy[..., axis] = side * projector_xy[..., axis] + 0.5 * (side - 1)
+    return projector_xy
 
 
 def _crossings(
@@ -121,17 +126,17 @@ def _cross(first, last, pairs, code, contrast, at, value, weight):  # type: igno
     bits = len(pairs) // 2
     for r in range(first, last):
         for q in range(cols):
-            here = code[r, q]
-            if here < 0:
+            code_here = code[r, q]
+            if code_here < 0:
                 continue
-            for way in range(2):
-                nr, nq = (r, q + 1) if way == 0 else (r + 1, q)
+            for side in range(2):
+                nr, nq = (r, q + 1) if side == 0 else (r + 1, q)
                 if nr >= rows or nq >= cols:
                     continue
-                there = code[nr, nq]
-                if there < 0 or abs(there - here) != 1:
+                code_there = code[nr, nq]
+                if code_there < 0 or abs(code_there - code_here) != 1:
                     continue
-                changed = (here ^ (here >> 1)) ^ (there ^ (there >> 1))  # of the Gray code: one bit
+                changed = (code_here ^ (code_here >> 1)) ^ (code_there ^ (code_there >> 1))  # of the Gray code: one bit
                 k = bits - 1
                 while changed > 1:
                     changed >>= 1
@@ -140,51 +145,53 @@ def _cross(first, last, pairs, code, contrast, at, value, weight):  # type: igno
                 b = (np.float32(pairs[2 * k, nr, nq]) - np.float32(pairs[2 * k + 1, nr, nq])) / contrast[nr, nq]
                 if a * b >= 0.0 and a != 0.0:
                     continue
-                at[r, q, way] = a / (a - b) if a != b else np.float32(0.5)
-                value[r, q, way] = min(here, there) + np.float32(0.5)
-                sure = (a - b) * min(contrast[r, q], contrast[nr, nq])
-                weight[r, q, way] = CROSSING * sure * sure  # variance: that of the noise over the slope squared
+                at[r, q, side] = a / (a - b) if a != b else np.float32(0.5)
+                value[r, q, side] = min(code_here, code_there) + np.float32(0.5)
+                confidence_slope = (a - b) * min(contrast[r, q], contrast[nr, nq])
+                weight[r, q, side] = (
+                    CROSSING * confidence_slope * confidence_slope
+                )  # variance: that of the noise over the slope squared
 
 
 @njit(cache=True, nogil=True)
-def _fit(first, last, wanted, own, at, value, weight, near, place):  # type: ignore[no-untyped-def]
+def _fit(first, last, selected, coarse_xy, at, value, weight, near, projector_xy):  # type: ignore[no-untyped-def]
     reach = len(near) - 1
     normal, right, term = np.empty((TERMS, TERMS)), np.empty(TERMS), np.empty(TERMS)
     for r in range(first, last):
-        for q in range(own.shape[1]):
-            if not wanted[r, q]:
+        for q in range(coarse_xy.shape[1]):
+            if not selected[r, q]:
                 continue
             found = np.nan
-            if own[r, q] > -1.0:
-                found = _fit_at(r, q, float(own[r, q]), OFF, at, value, weight, near, term, normal, right)
+            if coarse_xy[r, q] > -1.0:
+                found = _fit_at(r, q, float(coarse_xy[r, q]), MAX_CHANGE, at, value, weight, near, term, normal, right)
             if np.isnan(found):  # not read, or misread
-                around = _enclosed(r, q, value, weight, reach)
+                around = _mean_around(r, q, value, weight, reach)
                 if not np.isnan(around):
                     found = _fit_at(r, q, around, SPAN, at, value, weight, near, term, normal, right)
-            place[r, q] = found
+            projector_xy[r, q] = found
 
 
 @njit(cache=True, nogil=True)
-def _fit_at(r, q, about, off, at, value, weight, near, term, normal, right):  # type: ignore[no-untyped-def]
-    """Value at a pixel of the surface through the crossings around it; NaN if it is farther than `off` from `about`."""
+def _fit_at(r, q, about, max_change, at, value, weight, near, term, normal, right):  # type: ignore[no-untyped-def]
+    """Value at a pixel of the quadric through the crossings around it; NaN if over `max_change` from `about`."""
     rows, cols, reach = weight.shape[0], weight.shape[1], len(near) - 1
     normal[:], right[:] = 0.0, 0.0
     count = 0
     for nr in range(max(r - reach, 0), min(r + reach + 1, rows)):
         for nq in range(max(q - reach, 0), min(q + reach + 1, cols)):
-            for way in range(weight.shape[2]):  # to the right, down, and at the pixel itself
-                if weight[nr, nq, way] <= 0.0:
+            for side in range(weight.shape[2]):  # to the right, down, and at the pixel itself
+                if weight[nr, nq, side] <= 0.0:
                     continue
-                x = nq - q + (at[nr, nq, way] if way == 0 else 0.0)
-                y = nr - r + (at[nr, nq, way] if way == 1 else 0.0)
-                u = value[nr, nq, way] - about
+                x = nq - q + (at[nr, nq, side] if side == 0 else 0.0)
+                y = nr - r + (at[nr, nq, side] if side == 1 else 0.0)
+                u = value[nr, nq, side] - about
                 if abs(u) <= STEEPEST * (abs(x) + abs(y)) + 1.0:
-                    _add(x, y, u, weight[nr, nq, way] * near[abs(nr - r)] * near[abs(nq - q)], term, normal, right)
+                    _add(x, y, u, weight[nr, nq, side] * near[abs(nr - r)] * near[abs(nq - q)], term, normal, right)
                     count += 1
-    if count < FEWEST:
+    if count < MIN_CROSSINGS:
         return np.nan
     constant = _constant(normal, right)
-    return about + constant if abs(constant) <= off else np.nan
+    return about + constant if abs(constant) <= max_change else np.nan
 
 
 @njit(cache=True, nogil=True)
@@ -198,7 +205,7 @@ def _add(x, y, u, w, term, normal, right):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _enclosed(r, q, value, weight, reach):  # type: ignore[no-untyped-def]
+def _mean_around(r, q, value, weight, reach):  # type: ignore[no-untyped-def]
     """Mean of the crossings around a pixel that is too dark to read, such as ink; NaN unless all are on one surface."""
     rows, cols = weight.shape[0], weight.shape[1]
     total, count = 0.0, 0
@@ -206,13 +213,13 @@ def _enclosed(r, q, value, weight, reach):  # type: ignore[no-untyped-def]
     quarters = 0
     for nr in range(max(r - reach, 0), min(r + reach + 1, rows)):
         for nq in range(max(q - reach, 0), min(q + reach + 1, cols)):
-            for way in range(weight.shape[2]):
-                if weight[nr, nq, way] > 0.0:
-                    total += value[nr, nq, way]
+            for side in range(weight.shape[2]):
+                if weight[nr, nq, side] > 0.0:
+                    total += value[nr, nq, side]
                     count += 1
-                    low, high = min(low, value[nr, nq, way]), max(high, value[nr, nq, way])
+                    low, high = min(low, value[nr, nq, side]), max(high, value[nr, nq, side])
                     quarters |= 1 << (2 * int(nr >= r) + int(nq >= q))
-    if quarters != 15 or count < 2 * FEWEST or high - low > SPAN:
+    if quarters != 15 or count < 2 * MIN_CROSSINGS or high - low > SPAN:
         return np.nan
     return total / count
 
