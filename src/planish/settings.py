@@ -22,6 +22,7 @@ Units = str
 NamedUnits = Literal["auto", "mm", "cm", "m", "in"]
 """Those that a menu offers."""
 Pages = Literal["1", "2", "auto"]
+SheetRegion = Literal["auto", "all"]
 PageKind = Literal["tif", "png", "jpg", "pdf"]
 
 
@@ -253,6 +254,9 @@ class RestoreSettings:
     pages : {"1", "2", "auto"}
         2: the sheet is an open book, and is split at its spine into a left and a right page. auto: only where a
         spine is plain in the surface and no line of text crosses it. 1: the sheet stays whole.
+    sheet : {"auto", "all"}
+        auto: the table around the sheet is left out where it is plainly one, with a note. all: the whole mesh is the
+        sheet.
     """
 
     flatten: FlattenSettings = field(default_factory=FlattenSettings)
@@ -261,6 +265,7 @@ class RestoreSettings:
     binarize: BinarizeSettings = field(default_factory=BinarizeSettings)
     rotate: Rotation = "auto"
     pages: Pages = "1"
+    sheet: SheetRegion = "auto"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -15,6 +15,7 @@ from planish.settings import (
     RestoreSettings,
     Rotation,
     ShadingSettings,
+    SheetRegion,
 )
 
 Flags = Parameter(name="*")
@@ -36,6 +37,8 @@ class RestoreOptions:
     pages : {"1", "2", "auto"}
         2: split an open book at its spine into a left and a right page, in one TIFF or PDF, or as NAME-1.png and
         NAME-2.png. auto: split only if the surface shows a clear spine and no line of text crosses it. 1: no split.
+    sheet : {"auto", "all"}
+        auto: leave out the table around the sheet where it is plainly one, with a note. all: keep the whole mesh.
     pdfa : bool
         Write PDFs as PDF/A-2b, for archives.
     ocr : str, optional
@@ -49,6 +52,7 @@ class RestoreOptions:
     binarize: Annotated[BinarizeSettings, Flags] = field(default_factory=BinarizeSettings)
     rotate: Rotation = "auto"
     pages: Pages = "1"
+    sheet: SheetRegion = "auto"
     pdfa: Annotated[bool, Parameter(negative="")] = False
     ocr: str | None = None
 

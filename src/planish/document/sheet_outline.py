@@ -53,7 +53,7 @@ def sheet_mask(photo: Pixels, mask: Bools | str | None) -> tuple[Bools | None, l
     return mask, []
 
 
-def find_sheet(photo: Pixels) -> Bools | None:
+def find_sheet(photo: Pixels, *, whole: bool = False) -> Bools | None:
     """Find the sheet in a photo: the largest bright region, with the dark things in it.
 
     The threshold between paper and ground is Otsu's, on the logarithm of the brightness, so that paper in half shade
@@ -62,6 +62,9 @@ def find_sheet(photo: Pixels) -> Bools | None:
     Parameters
     ----------
     photo : (rows, cols, 3) uint8 or uint16
+    whole : bool
+        Up to the outline itself. By default a rim is left out, as wide as the outline may be off, so that nothing of
+        the ground comes along.
 
     Returns
     -------
@@ -88,9 +91,11 @@ def find_sheet(photo: Pixels) -> Bools | None:
         return None
     if np.median(bright[inside]) < MIN_CONTRAST * max(float(np.median(bright[~inside])), 1.0):
         return None
-    whole = cv2.resize(inside.astype(np.uint8) * 255, (cols, rows), interpolation=cv2.INTER_LINEAR)
+    mask = cv2.resize(inside.astype(np.uint8) * 255, (cols, rows), interpolation=cv2.INTER_LINEAR)
+    if whole:
+        return np.asarray(mask > 127)
     border = 1 + 2 * int(np.ceil(0.5 / scale))  # half a small pixel is how far the outline may be off
-    return np.asarray(cv2.erode(whole, np.ones((border, border), np.uint8)) > 127)
+    return np.asarray(cv2.erode(mask, np.ones((border, border), np.uint8)) > 127)
 
 
 def _without_print(grey: NDArray[np.uint8]) -> NDArray[np.uint8]:

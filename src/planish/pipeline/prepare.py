@@ -4,18 +4,22 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from planish.document.surroundings import leave_out_surroundings
 from planish.geometry.viewpoint import viewpoint
 from planish.mesh import repair
+from planish.settings import SheetRegion
 from planish.surface import smooth_normals
 from planish.types import PreparedScan, Scan
 
 
-def prepare(scan: Scan) -> PreparedScan:
+def prepare(scan: Scan, sheet: SheetRegion = "all") -> PreparedScan:
     """Repair a scan and find what all later stages need of it.
 
     Parameters
     ----------
     scan : Scan
+    sheet : {"auto", "all"}
+        Whether a table around the sheet is left out where it is plainly one.
 
     Returns
     -------
@@ -28,7 +32,13 @@ def prepare(scan: Scan) -> PreparedScan:
     InputError
         Where the scan is not a sheet that can be flattened; see `planish.mesh.repair`.
     """
-    repaired = repair(scan)
-    sheet = repaired.scan
-    eye = viewpoint(sheet.mesh, sheet.photo_xy, repaired.topology.edges)
-    return replace(repaired, viewpoint=eye, find_normals=smooth_normals)
+    alone, warnings = leave_out_surroundings(scan) if sheet == "auto" else (scan, [])
+    repaired = repair(alone)
+    mesh, photo_xy = repaired.scan.mesh, repaired.scan.photo_xy
+    return replace(
+        repaired,
+        source=scan,
+        warnings=(*warnings, *repaired.warnings),
+        viewpoint=viewpoint(mesh, photo_xy, repaired.topology.edges),
+        find_normals=smooth_normals,
+    )

@@ -71,7 +71,7 @@ def restore(
     s = settings or RestoreSettings()
     stage = StageTimer(progress or no_progress)
     with stage("clean"):
-        prepared = prepare(scan)
+        prepared = prepare(scan, s.sheet)
     with stage("flatten") as share:
         flat = flatten_prepared(prepared, s.flatten, share)
     with stage("turn"):

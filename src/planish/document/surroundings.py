@@ -1,0 +1,174 @@
+"""The sheet apart from its surroundings: the table around it is left out where it is plainly one."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from planish.document.sheet_outline import find_sheet
+from planish.geometry import project
+from planish.geometry.resection import resect
+from planish.mesh import area_vectors
+from planish.types import Bools, Diagnostic, Floats, Mesh, Scan
+
+MASK_PX = 800
+"""Long side of the mask with which places on the photo are compared."""
+
+MARGIN = 0.02
+"""Surroundings begin this part of the photo's long side outside of the paper: nearer, a border of the sheet may be
+shade, dark print or a ragged outline. A scan of a sheet alone has nothing there."""
+
+MIN_AREA = 0.05
+"""Part of the scanned area that must be surroundings for them to be left out."""
+
+DIRECTIONS = 72
+MIN_AROUND = 0.6
+"""Part of all directions from the middle of the paper in which surroundings must follow it closely. A sheet alone that
+is dark on one side, as beside a spine, has a quarter to a half of them; a sheet on a table all, or three quarters where
+it reaches the border of the scan."""
+
+FLATNESS = 0.01
+"""Distance from their common plane, as part of their extent, within which surroundings are a table: 4 mm over 400 mm,
+more than the noise of a depth camera."""
+
+MIN_FLAT = 0.8
+"""Part of the surroundings that must lie in that plane; the rest may be hands, weights, a second sheet."""
+
+MAX_SHEET_FLAT = 0.9
+"""If more of the sheet lies in the plane of the table, shape does not tell them apart, and a dark frame printed on a
+flat sheet would look the same: then nothing is left out unasked."""
+
+
+def leave_out_surroundings(scan: Scan) -> tuple[Scan, list[Diagnostic]]:
+    """Reduce a scan to the faces of its sheet, if the sheet plainly lies on a table.
+
+    The photo tells paper from ground (`find_sheet`); the ground must lie all around the sheet, and in one plane from
+    which the sheet rises. Anything less plain is kept: a sheet alone never loses a point.
+
+    Parameters
+    ----------
+    scan : Scan
+
+    Returns
+    -------
+    scan : Scan
+        With the same points; only faces are left out.
+    warnings : list of Diagnostic
+    """
+    photo_xy = _places(scan)
+    if scan.photo is None or photo_xy is None:
+        return scan, []
+    mask = find_sheet(scan.photo, whole=True)
+    if mask is None:
+        return scan, []
+    near = _with_margin(mask)
+    scale = near.shape[1] / mask.shape[1]
+    faces = scan.mesh.faces
+    outside = np.asarray(~_at(near, photo_xy, scale)[faces].any(axis=1))
+    area = np.linalg.norm(area_vectors(scan.mesh.points, faces), axis=1)
+    share = float(area[outside].sum() / max(area.sum(), np.finfo(float).tiny))
+    if share < MIN_AREA or not _all_around(near, photo_xy[faces[outside][:, 0]], scale):
+        return scan, []
+    inside = np.asarray(_at(mask, photo_xy)[faces].all(axis=1))
+    flat_ground, flat_sheet = _flat_shares(scan.mesh, outside, inside)
+    if flat_ground < MIN_FLAT or not inside.any():
+        return scan, []
+    if flat_sheet > MAX_SHEET_FLAT:
+        sentence = (
+            f"{100 * share:.0f} % of the scan may be ground around the sheet, in the same plane; all of it was kept"
+        )
+        return scan, [Diagnostic("surroundings-doubtful", sentence, "cut the mesh to the sheet if that is so")]
+    kept = Scan(
+        Mesh(scan.mesh.points, faces[inside]),
+        scan.photo,
+        scan.photo_xy[inside] if scan.photo_xy is not None and scan.photo_xy.ndim == 3 else scan.photo_xy,
+        scan.camera,
+        scan.icc,
+        scan.others,
+        scan.upright,
+    )
+    cut = float(area[~inside].sum() / area.sum())
+    sentence = f"the sheet lies on a table, and {100 * cut:.0f} % of the scan around it were left out"
+    return kept, [Diagnostic("surroundings-left-out", sentence, "set {sheet=all} to keep them")]
+
+
+def _places(scan: Scan) -> Floats | None:
+    """(n, 2) places of all points on the photo; None where it is no single view of them, as in a texture atlas."""
+    points, photo_xy = scan.mesh.points, scan.photo_xy
+    if scan.camera is not None and photo_xy is None:
+        return project(scan.camera, points)
+    if photo_xy is None:
+        return None
+    if photo_xy.ndim == 3:
+        corner, places = scan.mesh.faces.ravel(), photo_xy.reshape(-1, 2)
+        photo_xy = np.full((len(points), 2), np.nan)
+        photo_xy[corner] = places
+        if np.nanmax(np.abs(photo_xy[corner] - places), initial=0.0) > 1.0:  # a pixel
+            return None
+    known = np.isfinite(photo_xy).all(axis=1) & np.isfinite(points).all(axis=1)
+    if scan.camera is None and (known.sum() < len(points) // 2 or resect(points[known], photo_xy[known]) is None):
+        return None
+    return photo_xy
+
+
+def _with_margin(mask: Bools) -> Bools:
+    """The paper on a small picture, with a margin around it."""
+    scale = min(1.0, MASK_PX / max(mask.shape))
+    size = max(1, round(mask.shape[1] * scale)), max(1, round(mask.shape[0] * scale))
+    small = cv2.resize(mask.astype(np.uint8), size, interpolation=cv2.INTER_AREA)
+    side = 2 * round(MARGIN * max(size)) + 1
+    return np.asarray(cv2.dilate(small, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))) > 0)
+
+
+def _at(mask: Bools, photo_xy: Floats, scale: float = 1.0) -> Bools:
+    """(n,) whether the mask is true at places on the photo; false beside it."""
+    with np.errstate(invalid="ignore"):
+        column, row = np.nan_to_num(np.floor((photo_xy + 0.5) * scale), nan=-1, posinf=-1, neginf=-1).T
+    inside = (row >= 0) & (row < mask.shape[0]) & (column >= 0) & (column < mask.shape[1])
+    out = np.zeros(len(photo_xy), bool)
+    out[inside] = mask[row[inside].astype(int), column[inside].astype(int)]
+    return out
+
+
+def _all_around(near: Bools, photo_xy: Floats, scale: float) -> bool:
+    """Whether places of the surroundings stand close around the paper in most directions.
+
+    Parameters
+    ----------
+    near : (rows, cols) bool
+        The paper with its margin.
+    photo_xy : (k, 2) float64 [photo px]
+        Of the surroundings.
+    scale : float
+        From the photo to `near`.
+    """
+    side = 4 * round(MARGIN * max(near.shape)) + 1
+    ring = cv2.dilate(near.astype(np.uint8), cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))) > 0
+    close = photo_xy[_at(np.asarray(ring), photo_xy, scale)]
+    middle = np.argwhere(near).mean(axis=0)[::-1] / scale
+    angle = np.arctan2(*(close - middle).T[::-1])
+    hit = np.unique(np.floor((angle / (2 * np.pi) + 0.5) * DIRECTIONS).clip(0, DIRECTIONS - 1))
+    return len(hit) >= MIN_AROUND * DIRECTIONS
+
+
+def _flat_shares(mesh: Mesh, outside: Bools, inside: Bools) -> tuple[float, float]:
+    """Parts of the surroundings and of the sheet that lie in the plane of the surroundings."""
+    ground, sheet = (_some(mesh, faces) for faces in (outside, inside))
+    if len(ground) < 3:
+        return 0.0, 1.0
+    tolerance = FLATNESS * float(np.linalg.norm(np.ptp(ground, axis=0)))
+    used = ground
+    for _ in range(10):  # reweighted to the nearer half: a hand on the table does not tilt the plane
+        middle = used.mean(axis=0)
+        normal = np.linalg.svd(used - middle, full_matrices=False)[2][2]
+        away = np.abs((ground - middle) @ normal)
+        used = ground[away <= max(np.median(away), tolerance / 2)]
+    flat = [float((np.abs((points - middle) @ normal) <= tolerance).mean()) for points in (ground, sheet)]
+    return flat[0], flat[1]
+
+
+def _some(mesh: Mesh, faces: Bools, most: int = 5000) -> Floats:
+    """At most so many corners of faces, evenly spread over the mesh."""
+    rows = mesh.faces[faces][:, 0]
+    points = mesh.points[rows[:: max(1, len(rows) // most)]]
+    return points[np.isfinite(points).all(axis=1)]
