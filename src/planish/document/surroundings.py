@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 
@@ -55,8 +57,8 @@ def leave_out_surroundings(scan: Scan) -> tuple[Scan, list[Diagnostic]]:
         With the same points; only faces are left out.
     warnings : list of Diagnostic
     """
-    photo_xy = _places(scan)
-    if scan.photo is None or photo_xy is None:
+    places = _places(scan)
+    if scan.photo is None or places is None:
         return scan, []
     mask = find_sheet(scan.photo, whole=True)
     if mask is None:
@@ -64,12 +66,12 @@ def leave_out_surroundings(scan: Scan) -> tuple[Scan, list[Diagnostic]]:
     near = _with_margin(mask)
     scale = near.shape[1] / mask.shape[1]
     faces = scan.mesh.faces
-    outside = np.asarray(~_at(near, photo_xy, scale)[faces].any(axis=1))
+    outside = np.asarray(~_at(near, places, scale)[faces].any(axis=1))
     area = np.linalg.norm(area_vectors(scan.mesh.points, faces), axis=1)
     share = float(area[outside].sum() / max(area.sum(), np.finfo(float).tiny))
-    if share < MIN_AREA or not _all_around(near, photo_xy[faces[outside][:, 0]], scale):
+    if share < MIN_AREA or not _all_around(near, places[faces[outside][:, 0]], scale):
         return scan, []
-    inside = np.asarray(_at(mask, photo_xy)[faces].all(axis=1))
+    inside = np.asarray(_at(mask, places)[faces].all(axis=1))
     flat_ground, flat_sheet = _flat_shares(scan.mesh, outside, inside)
     if flat_ground < MIN_FLAT or not inside.any():
         return scan, []
@@ -78,14 +80,12 @@ def leave_out_surroundings(scan: Scan) -> tuple[Scan, list[Diagnostic]]:
             f"{100 * share:.0f} % of the scan may be ground around the sheet, in the same plane; all of it was kept"
         )
         return scan, [Diagnostic("surroundings-doubtful", sentence, "cut the mesh to the sheet if that is so")]
-    kept = Scan(
-        Mesh(scan.mesh.points, faces[inside]),
-        scan.photo,
-        scan.photo_xy[inside] if scan.photo_xy is not None and scan.photo_xy.ndim == 3 else scan.photo_xy,
-        scan.camera,
-        scan.icc,
-        scan.others,
-        scan.upright,
+    photo_xy = scan.photo_xy
+    kept = replace(
+        scan,
+        mesh=Mesh(scan.mesh.points, faces[inside]),
+        photo_xy=photo_xy[inside] if photo_xy is not None and photo_xy.ndim == 3 else photo_xy,
+        texture_of_face=None if scan.texture_of_face is None else scan.texture_of_face[inside],
     )
     cut = float(area[~inside].sum() / area.sum())
     sentence = f"the sheet lies on a table, and {100 * cut:.0f} % of the scan around it were left out"
