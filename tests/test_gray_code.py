@@ -106,9 +106,9 @@ def test_stripes_too_fine_for_the_camera_leave_no_holes(capture, truth, unresolv
     on_page = np.isfinite(truth[0].page_xy[..., 0])
     result = find_correspondence(blurred, PROJECTOR)
     assert "stripes-unresolved" in {warning.code for warning in result.warnings}
-    known = np.isfinite(result.place).all(axis=2)
+    known = np.isfinite(result.projector_xy).all(axis=2)
     assert known[on_page].mean() > 0.97  # as with all bits; read as if resolved, a third of the pixels was lost
-    error = np.abs(result.place - truth[1])[on_page & known]
+    error = np.abs(result.projector_xy - truth[1])[on_page & known]
     assert np.median(error[:, 1]) < 0.1  # crossings two or four times as far apart, of the same exactness each
 
 

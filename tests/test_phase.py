@@ -60,8 +60,8 @@ def test_waves_tell_their_own_pixels(rows, cols, steps):
     assert phase_steps(len(frames), (rows, cols)) == steps
     found = decode_phase(*split(frames, (rows, cols)), (rows, cols))
     # levels are rounded: 0.5 of 127 at most in each of 3 photos or more, 16 pixels a turn
-    np.testing.assert_allclose(found.place[..., 0], np.tile(np.arange(cols), (rows, 1)), atol=0.02)
-    np.testing.assert_allclose(found.place[..., 1], np.tile(np.arange(rows)[:, None], (1, cols)), atol=0.02)
+    np.testing.assert_allclose(found.projector_xy[..., 0], np.tile(np.arange(cols), (rows, 1)), atol=0.02)
+    np.testing.assert_allclose(found.projector_xy[..., 1], np.tile(np.arange(rows)[:, None], (1, cols)), atol=0.02)
     assert found.confidence.min() > 0.98
 
 
@@ -70,7 +70,7 @@ def test_errors_of_one_step_of_the_code_do_no_harm(shown):
     code, waves = split(shown, SHAPE)
     for shift in (-1, 1):
         beside = np.concatenate([np.roll(code[:-2], shift, axis=2), code[-2:]])
-        found = decode_phase(beside, waves, SHAPE).place[2:-2, 2:-2]
+        found = decode_phase(beside, waves, SHAPE).projector_xy[2:-2, 2:-2]
         np.testing.assert_allclose(found[..., 0], np.tile(np.arange(2, 68), (36, 1)), atol=LEVELS)
 
 
@@ -80,7 +80,7 @@ def test_the_finest_stripes_are_not_needed(shown):
     for axis_bits, start in ((7, 0), (6, 14)):  # 70 columns, 40 rows
         blurred[start + 2 * (axis_bits - HALF_BITS) : start + 2 * axis_bits] = 128
     assert (decode(blurred, SHAPE).column == -1).all()
-    found = decode_phase(blurred, waves, SHAPE).place
+    found = decode_phase(blurred, waves, SHAPE).projector_xy
     np.testing.assert_allclose(found[..., 0], np.tile(np.arange(70), (40, 1)), atol=LEVELS)
     with pytest.raises(InputError, match=r"two pixels of the projector wide, must be seen.*phase_steps=8"):
         find_correspondence(blurred, SHAPE)
@@ -90,10 +90,10 @@ def test_places_are_true_to_the_noise(capture):
     _, made, true, on_sheet, _ = capture
     code, waves = split(made.frames, PROJECTOR)
     found = decode_phase(code, waves, PROJECTOR)
-    off = np.abs(found.place - true)[on_sheet & (found.confidence > 0.8)]
+    off = np.abs(found.projector_xy - true)[on_sheet & (found.confidence > 0.8)]
     # blank paper: contrast B of about 90 levels, noise 1: 16 / 2 pi sqrt(2 / 8) / 90 = 0.014 px; ink beside more
     assert np.nanmedian(off) < 0.05
-    assert np.isfinite(found.place[on_sheet]).mean() > 0.99
+    assert np.isfinite(found.projector_xy[on_sheet]).mean() > 0.99
 
 
 def test_waves_halve_the_error_where_stripes_are_fine(capture):
@@ -112,8 +112,8 @@ def test_a_bright_camera_curve_does_no_harm(capture):
     """Photos in sRGB: 8 steps cancel the overtones of the curve, and finest stripes may blur to light grey."""
     _, made, true, on_sheet, _ = capture
     curved = np.rint(255 * (made.frames / 255.0) ** (1 / 2.2)).astype(np.uint8)
-    place = find_correspondence(curved, PROJECTOR).place
-    plain = find_correspondence(made.frames, PROJECTOR).place
+    place = find_correspondence(curved, PROJECTOR).projector_xy
+    plain = find_correspondence(made.frames, PROJECTOR).projector_xy
     off = [np.nanquantile(np.abs(found - true)[on_sheet], 0.9) for found in (place, plain)]
     assert off[0] < off[1] + 0.02
 
@@ -121,7 +121,7 @@ def test_a_bright_camera_curve_does_no_harm(capture):
 def test_out_of_focus(capture):
     _, made, true, on_sheet, _ = capture
     soft = np.stack([ndimage.gaussian_filter(frame, 2.0) for frame in made.frames])
-    off = [np.abs(find_correspondence(f, PROJECTOR).place - true)[on_sheet] for f in (split(soft, PROJECTOR)[0], soft)]
+    off = [np.abs(find_correspondence(f, PROJECTOR).projector_xy - true)[on_sheet] for f in (split(soft, PROJECTOR)[0], soft)]
     assert np.isfinite(off[1]).mean() > np.isfinite(off[0]).mean()
     assert np.nanquantile(off[1], 0.9) < min(0.3, np.nanquantile(off[0], 0.9))  # print smears over 4 projector pixels
 
@@ -179,7 +179,7 @@ def test_patterns_with_waves_are_written(tmp_path):
     assert len(names) == frame_count((40, 64)) + 8
     frames = np.stack([cv2.imread(str(name), 0) for name in names])
     dimmed = (frames * 0.9).astype(np.uint8)
-    assert (np.abs(find_correspondence(dimmed, (40, 64)).place[10, 10:50, 0] - np.arange(10, 50)) < 0.02).all()
+    assert (np.abs(find_correspondence(dimmed, (40, 64)).projector_xy[10, 10:50, 0] - np.arange(10, 50)) < 0.02).all()
     assert (frames[-2] == 255).all()
     assert (frames[-1] == 0).all()
     assert run(["acquire", "patterns", "--size", "64", "40", "--phase-steps", "2", "-o", str(tmp_path)]) == 2

@@ -1,1 +1,1 @@
-"""From light to scan: depth cameras, Gray code and laser lines, and the calibration that they need."""
+"""Acquisition: depth cameras, range images, point clouds, structured light and laser lines, with their calibration."""

@@ -1,4 +1,4 @@
-"""A map of points, one for each pixel of a camera, becomes a mesh that joins nothing across a depth jump."""
+"""Mesh an organised point map, one point per camera pixel, without joining points across depth discontinuities."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from planish.mesh import grid_faces, without_small_components
 from planish.types import Bools, Camera, Diagnostic, Floats, Mesh, Scan, freeze
 
 STEEPEST = 8.0
-"""Neighbouring pixels whose depths differ by more than so many pixel widths (83 degrees) are not joined: neither
-light nor a camera sees paper that steep."""
+"""Largest depth step between joined neighbours, in pixel widths (a slope of 83 degrees): steeper paper is neither lit
+nor seen."""
 
 NOISE_STEPS = 6.0
-"""Nor do depths count as a jump that differ by less than so many standard deviations of the noise."""
+"""Depth steps below so many standard deviations of the noise are never a discontinuity."""
 
 
 @dataclass(frozen=True, eq=False)
 class AcquiredScan:
-    """A scan made from light, and what is known of its quality.
+    """An acquired scan with its quality.
 
     Attributes
     ----------
     scan : Scan
     confidence : (n,) float64
-        Of every point of the scan, from 0 to 1.
+        Confidence of every point, 0 to 1.
     noise_mm : float
-        Typical standard deviation of the points along the rays of the camera.
+        Typical standard deviation of points along the camera's rays.
     warnings : tuple of Diagnostic
     """
 
@@ -42,31 +42,31 @@ class AcquiredScan:
 
 
 def grid_mesh(points: Floats, camera: Camera, *, noise_mm: float = 0.0) -> tuple[Mesh, Floats]:
-    """Join the points that neighbouring pixels see, except across a depth jump.
+    """Triangulate the points of neighbouring pixels, except across depth discontinuities.
 
-    A jump is told in parts of the depth, so that near and far things are treated alike. Small loose pieces, below a
-    hundredth of the whole, are left out, and so are single pixels between a near and a far surface.
+    Discontinuities are relative to the depth. Components below a hundredth of the whole are removed, and so are single
+    pixels between a near and a far surface.
 
     Parameters
     ----------
     points : (rows, cols, 3) float64 [mm]
-        In the world, along the camera's rays; NaN where nothing was measured.
+        In world coordinates, along the camera's rays; NaN where nothing was measured.
     camera : Camera
-        Its pixels are those of the map.
+        Its pixels are the pixels of the map.
     noise_mm : float
-        Standard deviation of the points' errors along the ray: differences of `NOISE_STEPS` times that are no jump.
+        Standard deviation along the rays: steps of up to `NOISE_STEPS` times that are joined.
 
     Returns
     -------
     mesh : Mesh
         Faces counter-clockwise as the camera sees them.
     photo_xy : (n, 2) float64 [px]
-        Column and row of the pixel that each point came from.
+        Column and row of the pixel of each point.
 
     Raises
     ------
     InputError
-        If no three neighbouring pixels see one surface.
+        If no three neighbouring pixels are joined.
 
     Examples
     --------
@@ -82,9 +82,7 @@ def grid_mesh(points: Floats, camera: Camera, *, noise_mm: float = 0.0) -> tuple
     known: Bools = np.asarray(np.isfinite(points).all(axis=2))
     camera_points = points[known] @ camera.rotation.T + np.ravel(camera.translation)
     depth = camera_points[:, 2]
-    relative = np.column_stack(
-        [camera_points[:, :2] / depth[:, None], np.log(depth)]
-    )  # a step here is a part of the depth
+    relative = np.column_stack([camera_points[:, :2] / depth[:, None], np.log(depth)])  # relative to the depth
     typical = float(np.median(depth)) if len(depth) else 1.0
     return mesh_from_grid(
         points, known, relative, max(STEEPEST / camera.matrix[0, 0], NOISE_STEPS * noise_mm / typical)
@@ -92,36 +90,35 @@ def grid_mesh(points: Floats, camera: Camera, *, noise_mm: float = 0.0) -> tuple
 
 
 def mesh_from_grid(points: Floats, known: Bools, relative: Floats, step: float) -> tuple[Mesh, Floats]:
-    """Join neighbouring pixels of a map of points whose distances differ by no more than a step.
+    """Triangulate neighbouring pixels of a point map whose distances differ by at most a step.
 
     Parameters
     ----------
     points : (rows, cols, 3) float64 [mm]
     known : (rows, cols) bool
-        Which pixels hold a point.
+        Pixels with a point.
     relative : (k, d) float64
-        Of the known ones, in their order: where each is across the line of sight, in units of the step; the last
-        number is how far away it is.
+        Coordinates of the known points across the line of sight, in units of `step`; the last one is the distance.
     step : float
 
     Returns
     -------
     mesh : Mesh
-        Without small loose pieces.
+        Without small components.
     pixel_xy : (n, 2) float64 [px]
 
     Raises
     ------
     InputError
-        If no three neighbouring pixels see one surface.
+        If no three neighbouring pixels are joined.
     """
     index = np.full(known.shape, -1, np.int32)
     index[known] = np.arange(len(relative), dtype=np.int32)
     faces = grid_faces(index, relative, step)
     if not len(faces):
         raise InputError(
-            f"{known.sum():,} of {known.size:,} pixels have a depth, and no three neighbours make a surface; is "
-            "the unit of the depth right, and the sheet in view?"
+            f"{known.sum():,} of {known.size:,} pixels have a depth, and no three neighbours form a surface; "
+            "is the unit of the depth right, and the sheet in view?"
         )
     used, faces = without_small_components(faces, len(relative))
     return Mesh(points[known][used], faces), np.argwhere(known)[used][:, ::-1].astype(np.float64)

@@ -1,4 +1,4 @@
-"""A picture of a scan to look at before it is used: its relief, its photo laid on it, and how sure each point is."""
+"""Preview image of a scan: shaded relief, textured surface, and confidence map."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from planish.types import Bools, Floats, Mesh, Pixels
 
 ROWS, GAP = 900, 24
 TILT_DEG = 40.0
-"""From straight above towards the front."""
+"""View angle from the vertical towards the front."""
 
 GROUND = np.array([246, 246, 243], np.uint8)
 PAPER = np.array([214, 208, 196], np.float64)
@@ -22,12 +22,12 @@ LIGHT = np.array([-0.5, 0.35, 0.79])
 
 
 def preview(acquired: AcquiredScan) -> NDArray[np.uint8]:
-    """Draw a scan three times from the front and above: shaded; with its photo; confidence from dark (0) to light (1).
+    """Render a scan from the front and above: shaded, textured with its photo, and confidence (dark 0, light 1).
 
     Parameters
     ----------
     acquired : Acquired
-        Its scan has a photo place for every point, even if it has no photo: then there are two drawings.
+        Its scan has `photo_xy` for every point; without a photo there are two panels.
 
     Returns
     -------
@@ -50,7 +50,7 @@ def preview(acquired: AcquiredScan) -> NDArray[np.uint8]:
 
 
 def _orient_top(photo_xy: Floats, points: Floats) -> Floats:
-    """The sheet turned on its table so that the photo's top lies away from the viewer."""
+    """Rotate the sheet on its support plane so that the photo's top points away from the viewer."""
     position = points[:, :2] - points[:, :2].mean(axis=0)
     down = position.T @ (photo_xy[:, 1] - photo_xy[:, 1].mean())
     x, y = -down / max(float(np.linalg.norm(down)), TINY)
@@ -58,7 +58,7 @@ def _orient_top(photo_xy: Floats, points: Floats) -> Floats:
 
 
 def _render(mesh: Mesh, values: Floats) -> tuple[Bools, Floats]:
-    """Draw a mesh from the front and above: where it is seen, and its values (n, k) there, (rows, cols, k)."""
+    """Render a mesh: visibility mask and interpolated values (n, k) as an image (rows, cols, k)."""
     t = np.radians(TILT_DEG)
     right, up = mesh.points[:, 0], mesh.points[:, 1] * np.cos(t) + mesh.points[:, 2] * np.sin(t)
     towards = mesh.points[:, 2] * np.cos(t) - mesh.points[:, 1] * np.sin(t)
@@ -84,7 +84,7 @@ def _confidence_colours(confidence: Floats) -> NDArray[np.uint8]:
 
 
 def _textured(photo: Pixels, photo_xy: Floats) -> NDArray[np.uint8]:
-    """The photo where it is seen, halved until its pixels are about as large as the panel's."""
+    """Photo colours at visible pixels, downsampled to about the panel's resolution."""
     small = to_uint8(photo)
     position = np.asarray(photo_xy, np.float32)
     while min(small.shape[:2]) > 2 * ROWS:

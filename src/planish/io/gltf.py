@@ -13,6 +13,7 @@ from urllib.parse import unquote
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from planish.color import code_values
 from planish.errors import InputError
@@ -131,12 +132,7 @@ def _placement(document: Document, node: Json) -> Floats:
     if "matrix" in node:
         return document.numbers(node, "matrix", [0.0] * 16).reshape(4, 4).T
     placed = np.eye(4)
-    x, y, z, w = document.numbers(node, "rotation", [0, 0, 0, 1])
-    placed[:3, :3] = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-    ]
+    placed[:3, :3] = Rotation.from_quat(document.numbers(node, "rotation", [0, 0, 0, 1])).as_matrix()
     placed[:3, :3] *= document.numbers(node, "scale", [1, 1, 1])
     placed[:3, 3] = document.numbers(node, "translation", [0, 0, 0])
     return placed

@@ -1,1 +1,1 @@
-"""Cameras and projectors from photos of a board."""
+"""Calibration of cameras and projectors from photos of a board."""

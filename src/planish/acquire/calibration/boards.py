@@ -1,4 +1,4 @@
-"""Calibration boards: drawn to be printed at true size, and found again in photos."""
+"""Calibration boards: drawing for print at true size, and corner detection in photos."""
 
 from __future__ import annotations
 
@@ -17,32 +17,32 @@ from planish.types import Floats, Page
 Kind = Literal["charuco", "chessboard"]
 
 PX_PER_MM = 20
-"""Of the drawn board: every edge falls on a whole pixel when squares are whole fifths of a millimetre."""
+"""Resolution of the drawn board: edges fall on whole pixels if squares are multiples of a fifth of a millimetre."""
 
 MARKER_SHARE = 0.75
-"""Side of a marker against that of its square."""
+"""Side of a marker relative to its square."""
 
 PAPER_MM = {"a4": (210.0, 297.0), "letter": (215.9, 279.4)}
 
 MIN_CORNERS = 8
-"""Corners that must be seen of a board: a pose has six numbers."""
+"""Least number of detected corners: a pose has six parameters."""
 
 MARGIN_MM = 8.0
-"""That printers leave white."""
+"""Margin that printers leave white."""
 
 
 @dataclass(frozen=True)
 class Board:
-    """A board of black and white squares, with markers in the white ones (ChArUco) or without (chessboard).
+    """A chessboard pattern, with markers in the white squares (ChArUco) or without (chessboard).
 
     Attributes
     ----------
     columns, rows : int
-        Squares across and down; the corners between them are one fewer each way.
+        Squares across and down; inner corners are one fewer in each direction.
     square_mm : float
         Side of a square, as measured on the print.
     kind : {"charuco", "chessboard"}
-        A ChArUco board may be seen in part; a chessboard must be seen whole, and is found in worse light.
+        A ChArUco board may be partly visible; a chessboard must be wholly visible, but needs less light.
     """
 
     columns: int = 7
@@ -62,7 +62,7 @@ class Board:
 
 
 def corner_points(board: Board) -> Floats:
-    """Where the board's inner corners lie on it, (k, 3) float64 [mm]: x along its rows, y down, z = 0.
+    """Inner corners of a board in its own frame, (k, 3) float64 [mm]: x along its rows, y down, z = 0.
 
     Examples
     --------
@@ -74,7 +74,7 @@ def corner_points(board: Board) -> Floats:
 
 
 def board_pixels(board: Board, square_px: int) -> NDArray[np.uint8]:
-    """Draw the squares, (rows, cols) uint8, each `square_px` wide, without a margin."""
+    """Draw the pattern without margin: (rows, cols) uint8, squares `square_px` wide."""
     if board.kind == "chessboard":
         row, col = np.mgrid[: board.rows, : board.columns]
         return np.kron(255 * ((row + col) % 2), np.ones((square_px, square_px))).astype(np.uint8)
@@ -83,12 +83,12 @@ def board_pixels(board: Board, square_px: int) -> NDArray[np.uint8]:
 
 
 def board_page(board: Board, paper: str = "a4") -> Page:
-    """Draw a board on a sheet of paper, with a 100 mm scale to check the print by.
+    """Draw a board on a sheet of paper, with a 100 mm scale bar to verify the print.
 
     Raises
     ------
     UsageError
-        If it does not fit on the paper.
+        If it does not fit the paper.
     """
     width, height = PAPER_MM[paper]
     across, down = board.columns * board.square_mm, board.rows * board.square_mm
@@ -108,7 +108,7 @@ def board_page(board: Board, paper: str = "a4") -> Page:
 
 
 def find_corners(board: Board, grey: NDArray[np.uint8]) -> tuple[NDArray[np.intp], Floats] | None:
-    """Find a board's corners in a photo.
+    """Detect the corners of a board in a photo.
 
     Parameters
     ----------
@@ -118,10 +118,10 @@ def find_corners(board: Board, grey: NDArray[np.uint8]) -> tuple[NDArray[np.intp
     Returns
     -------
     rows_of : (k,) int
-        Which of `corner_points` each is.
+        Index of each in `corner_points`.
     xy : (k, 2) float64 [px]
         x right, y down, pixel centres at integers.
-    Or None where fewer than eight are seen.
+    Or None if fewer than eight are detected.
     """
     stretched = cv2.normalize(grey, np.empty_like(grey), 0, 255, cv2.NORM_MINMAX)
     if board.kind == "charuco":
@@ -140,7 +140,7 @@ def find_corners(board: Board, grey: NDArray[np.uint8]) -> tuple[NDArray[np.intp
 
 
 def _refine_corners(grey: NDArray[np.uint8], corners: NDArray[np.float32], columns: int) -> Floats:
-    """Corners moved to where the grey's slopes meet: OpenCV's sector-based search leaves them up to a pixel off."""
+    """Refine corners by the gradient: OpenCV's sector-based detector is off by up to a pixel."""
     side = float(np.median(np.linalg.norm(np.diff(corners.reshape(-1, columns, 2), axis=1), axis=2)))
     window = int(np.clip(side / 4, 2, 11))
     stop = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 50, 1e-3)
@@ -157,7 +157,7 @@ def _charuco(board: Board) -> cv2.aruco.CharucoBoard:
 
 
 def _scale(sheet: Image.Image, text: str) -> None:
-    """Draw a scale of 100 mm with its ticks at the foot of the sheet, and a line of text."""
+    """Draw a 100 mm scale bar at the bottom of the sheet, and a line of text."""
     draw = ImageDraw.Draw(sheet)
     left, base = MARGIN_MM * PX_PER_MM, sheet.height - (MARGIN_MM + 1) * PX_PER_MM
     draw.line([(left, base), (left + 100 * PX_PER_MM, base)], 0, 4)

@@ -1,4 +1,4 @@
-"""Cameras and projectors calibrated from photos of a board."""
+"""Calibrate cameras and projectors from photos of a board."""
 
 from __future__ import annotations
 
@@ -20,34 +20,34 @@ from planish.types import Camera, Diagnostic, Floats
 MIN_PHOTOS = 4
 
 MIN_TILT_DEG = 12.0
-"""Two of the board's poses must differ by at least this angle, or focal length and distance cannot be told apart."""
+"""Least angle between two of the board's poses; below it focal length and distance are ambiguous."""
 
 MAX_FOCAL_SD = 0.01
-"""Standard deviation of the focal length, in parts of it, up to which a calibration is one."""
+"""Largest relative standard deviation of the focal length."""
 
 OUTLIER_FACTOR = 3.0
-"""A photo whose error is so many times the median (and over a pixel) is left out."""
+"""Photos whose error exceeds so many times the median (and a pixel) are rejected."""
 
 HOMOGRAPHY_REACH = 0.45
-"""Of a square: as far around a corner the projector's code is looked up."""
+"""Radius of the local homography around a corner, in squares."""
 
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """A calibrated camera or projector, and how well it explains the photos.
+    """A calibrated camera or projector, with its residuals.
 
     Attributes
     ----------
     camera : Camera
     errors_px : (n,) float64
-        Rms distance of the corners from where the calibration puts them, for each photo.
+        Rms reprojection error of the corners, per photo.
     rms_px : float
     focal_sd : float
-        Standard deviation of the focal length, in parts of it, as the corners' scatter tells.
+        Relative standard deviation of the focal length, from the scatter of the corners.
     poses : list of ((3, 3), (3,)) float64
         Rotation and translation [mm] of the board in each photo, into the device's frame.
     corners : list of (k, 2) float64 [px]
-        As found.
+        Detected corners.
     warnings : tuple of Diagnostic
     """
 
@@ -65,19 +65,19 @@ def calibrate_camera(
 ) -> Calibration:
     """Calibrate a camera from photos of a board in different poses.
 
-    Focal lengths, principal point and OpenCV's k1 k2 p1 p2 are found (k3 stays 0: it needs corners at the very rim).
+    Estimates focal lengths, principal point and OpenCV's k1 k2 p1 p2 (k3 stays 0: it needs corners at the very rim).
 
     Parameters
     ----------
     photos : sequence of (rows, cols) uint8
     board : Board
     names : sequence of str, optional
-        Of the photos, for messages.
+        Names of the photos, for messages.
 
     Raises
     ------
     InputError
-        If the photos differ in size, the board is found in fewer than four, or its poses are too alike.
+        If photos differ in size, the board is detected in fewer than four, or its poses are too similar.
     """
     names = list(names or (f"photo {k + 1}" for k in range(len(photos))))
     _check_sizes(photos, names)
@@ -98,26 +98,25 @@ def calibrate_camera(
 def calibrate_projector(
     captures: Sequence[Grey], board: Board, camera: Camera, shape_rc: tuple[int, int]
 ) -> Calibration:
-    """Calibrate a projector from photos of a board under its Gray code, by a calibrated camera that stands still.
+    """Calibrate a projector from photos of a board under its Gray code, seen by a fixed, calibrated camera.
 
-    The board's corners are found in the photo under white; the code around each corner tells, through a local
-    homography, where on the projector it lies (Moreno and Taubin 2012). So the projector is calibrated as a camera
-    that sees the board.
+    Corners are detected in the photo under white and mapped to projector pixels by local homographies fitted to the
+    decoded code (Moreno and Taubin 2012). The projector is then calibrated like a camera that sees the board.
 
     Parameters
     ----------
     captures : sequence of (n, rows, cols) uint8
-        For each pose of the board the frames as for `find_correspondence`.
+        For each pose of the board, frames as for `find_correspondence`.
     board : Board
     camera : Camera
-        Its frame becomes the world's.
+        Defines the world frame.
     shape_rc : (int, int)
         Rows and columns of the projector.
 
     Returns
     -------
     Calibration
-        Of the projector, in the camera's world.
+        Of the projector, in the camera's frame.
     """
     object_points, on_camera, on_projector, lost = [], [], [], []
     for k, frames in enumerate(captures):
@@ -152,11 +151,11 @@ def calibrate_projector(
 def _calibrate(
     object_points: list[Floats], corners: list[Floats], shape_rc: tuple[int, ...], warnings: list[Diagnostic]
 ) -> tuple[Calibration, list[int]]:
-    """Calibrate from corners, leave out photos that do not fit the others, and refuse what is not certain.
+    """Calibrate from corners, reject outlier photos, and refuse an uncertain result.
 
     Returns
     -------
-    Calibration, and the numbers of the photos that it rests on.
+    The calibration, and the indices of the photos used.
     """
     result = _solve(object_points, corners, shape_rc)
     kept = list(range(len(object_points)))
@@ -197,9 +196,9 @@ def _solve(object_points: list[Floats], corners: list[Floats], shape_rc: tuple[i
 def _register_to_camera(
     camera: Camera, calibration: Calibration, object_points: list[Floats], on_camera: list[Floats]
 ) -> Calibration:
-    """The projector put into the camera's world: the turn and shift that carry the board's poses from one to the other.
+    """Register the projector to the camera: the rigid motion between the board's poses in both frames.
 
-    First their mean over the poses, then least squares over all corners as both see them.
+    Starts from the mean over all poses, then minimises the reprojection error of all corners.
     """
     from scipy.optimize import least_squares
 
@@ -238,9 +237,9 @@ def _matrix(rotation_vector: Floats) -> Floats:
 
 
 def _corners_on_projector(code: Floats, corners: Floats, square_px: float) -> Floats:
-    """Where corners of the camera's photo lie on the projector, (k, 2) [projector px]; NaN where it did not light.
+    """Projector pixels (k, 2) of corners in the camera's photo; NaN outside of the projector's light.
 
-    Code (rows, cols, 2) is where the camera's pixels lie on it.
+    Code (rows, cols, 2) holds the projector pixel of each camera pixel.
     """
     known = np.argwhere(np.isfinite(code).all(axis=2))[:, ::-1].astype(np.float64)
     reach = max(4.0, HOMOGRAPHY_REACH * square_px)
@@ -257,7 +256,7 @@ def _corners_on_projector(code: Floats, corners: Floats, square_px: float) -> Fl
 
 
 def _square_px(calibration: tuple[NDArray[np.intp], Floats], board: Board) -> float:
-    """Side of the board's squares in the photo: distance of corners that are neighbours in a row, the median."""
+    """Median side of the board's squares in the photo, from neighbouring corners in a row."""
     rows_of, xy = calibration
     neighbours = (np.diff(rows_of) == 1) & (rows_of[1:] % (board.columns - 1) != 0)
     sides = np.linalg.norm(np.diff(xy, axis=0), axis=1)[neighbours]

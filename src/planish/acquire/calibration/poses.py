@@ -1,4 +1,4 @@
-"""A picture of a calibration: where the corners lay in the photos, and how the board stood."""
+"""Figure of a calibration: corners in the photos, and poses of the board."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ GROUND, LINE, TEXT = (252, 252, 250), (170, 170, 165), (70, 70, 70)
 
 
 def draw_poses(calibration: Calibration, board: Board) -> NDArray[np.uint8]:
-    """Draw all corners over the view, and the boards from above and from the side, the device at the foot.
+    """Draw all corners in the image, and the boards from above and from the side, the device at the bottom.
 
     Returns
     -------
@@ -41,7 +41,7 @@ def _colours(count: int) -> NDArray[np.uint8]:
 
 
 def _draw_corners(calibration: Calibration, colours: list[tuple[int, ...]]) -> NDArray[np.uint8]:
-    """The device's view with every corner in the colour of its photo."""
+    """Image plane of the device, corners coloured by photo."""
     rows, cols = calibration.camera.shape_rc
     scale = (SIDE - 2 * GAP) / max(rows, cols)
     panel = _panel(f"corners in {len(calibration.corners)} photos, {calibration.rms_px:.2f} px rms")
@@ -56,7 +56,7 @@ def _draw_corners(calibration: Calibration, colours: list[tuple[int, ...]]) -> N
 def _draw_boards(
     boards: list[Floats], colours: list[tuple[int, ...]], axes: tuple[int, int], title: str
 ) -> NDArray[np.uint8]:
-    """The boards' outlines along two axes of the device, which stands at the foot of the picture and looks up."""
+    """Outlines of the boards in two axes of the device, which is at the bottom and looks up."""
     corners = np.concatenate([*boards, np.zeros((1, 3))])[:, axes]
     scale = (SIDE - 4 * GAP) / max(float(np.ptp(corners, axis=0).max()), 1.0)
     middle = (corners[:, 0].max() + corners[:, 0].min()) / 2

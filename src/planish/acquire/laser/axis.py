@@ -1,4 +1,4 @@
-"""The axis about which a mirror turns a laser's light, from photos of a board at known angles of the mirror."""
+"""Calibrate the axis of a scanning mirror, from photos of a board at known mirror angles."""
 
 from __future__ import annotations
 
@@ -17,34 +17,35 @@ from planish.geometry.guards import normalize
 from planish.types import Camera, Floats, Pixels
 
 MIN_RANGE_DEG = 2.0
-"""Between the smallest and the largest angle, at least: the axis is known by how the plane turns."""
+"""Least range of angles: the axis is determined by the rotation of the plane."""
 
 ROBUST_SCALE_MM = 0.2
-"""Points farther from their plane count less: a stray one must not turn the axis."""
+"""Scale of the robust loss of point distances."""
 
 MAX_RMS_MM = 0.5
-"""Points farther off the turned planes, rms, were not lit at the angles that were told; good ones have 0.1."""
+"""Largest rms distance from the rotated planes; more means wrong angles, good calibrations have 0.1."""
 
 MAX_LEAN_DEG = 15.0
-"""An axis farther out of the laser's plane explains angles that are not true: turned about its normal a plane stays."""
+"""Largest angle between axis and laser plane: a plane rotated about its normal does not move, so any angle would
+fit."""
 
 POSITION_STEP_MM = 100.0
-"""Step of the axis's place, beside a step of 1 rad of its direction, in the search."""
+"""Scaling of the axis position in the optimisation, per 1 rad of its direction."""
 
 
 class LaserAxis(NamedTuple):
-    """A laser's plane, and the axis that it turns about.
+    """A laser plane and its rotation axis.
 
     Attributes
     ----------
     plane : (4,) float64
         At angle 0, a x + b y + c z + d = 0 [mm] in the camera's world.
     point : (3,) float64 [mm]
-        On the axis.
+        A point on the axis.
     direction : (3,) float64
-        Of length 1; the plane turns right-handed about it as the angle grows.
+        Unit vector; the plane rotates right-handed about it with increasing angle.
     rms_mm : float
-        Distance of what was seen from the turned planes.
+        Rms distance of the points from the rotated planes.
     points : int
     """
 
@@ -58,10 +59,10 @@ class LaserAxis(NamedTuple):
 def calibrate_laser_axis(
     photos: list[Pixels], names: list[str], camera: Camera, board: Board, angles_deg: Floats
 ) -> LaserAxis:
-    """Find the axis of a turning mirror, and the laser's plane at angle 0.
+    """Calibrate the axis of a rotating mirror and the laser plane at angle 0.
 
-    The planes at the smallest and the largest angle are the start; then all points at all angles are brought as near
-    to the turned plane as can be (least squares).
+    Starts from the planes at the smallest and the largest angle, then minimises the distances of all points from the
+    rotated plane.
 
     Parameters
     ----------
@@ -72,12 +73,12 @@ def calibrate_laser_axis(
     camera : Camera
     board : Board
     angles_deg : (photos,) float64
-        Of the mirror, or of what else carries the laser's light around.
+        Angles of the mirror, or of whatever rotates the light.
 
     Raises
     ------
     InputError
-        If a photo shows no board or line, poses are too alike at an angle, or angles are.
+        If a photo shows no board or line, or the poses at an angle, or the angles, are too similar.
     """
     points = [parts[0] for parts in laser_points_on_boards(photos, names, camera, board)]
     low, high = float(angles_deg.min()), float(angles_deg.max())
@@ -104,7 +105,7 @@ def calibrate_laser_axis(
 
 
 def rotate_plane(plane: Floats, point: Floats, direction: Floats, angle: float) -> Floats:
-    """A plane (4,) turned right-handed about an axis by an angle [rad].
+    """Rotate a plane (4,) right-handed about an axis by an angle [rad].
 
     Examples
     --------
@@ -130,15 +131,15 @@ def _plane_at(points: list[Floats], angles_deg: Floats, angle: float) -> Floats:
 def _refine(
     plane: Floats, point: Floats, direction: Floats, points: list[Floats], angles_deg: Floats
 ) -> tuple[tuple[Floats, Floats, Floats], float]:
-    """Plane at angle 0, point and direction with the least distances, and these, rms."""
-    across_normal = perpendicular_axes(plane[:3])  # two directions across the plane's normal, and across the axis
+    """Optimise plane, point and direction; also return the rms distance."""
+    across_normal = perpendicular_axes(plane[:3])  # parametrises small rotations of the normal and of the axis
     across_axis = perpendicular_axes(direction)
 
     def perturbed(x: Floats) -> tuple[Floats, Floats, Floats]:
         normal, axis = plane[:3] + x[:2] @ across_normal, direction + x[2:4] @ across_axis
         normal, axis = normalize(normal), normalize(axis)
         position = point + POSITION_STEP_MM * x[4:6] @ across_axis
-        # the plane keeps its distance from the first point of the axis, but for x[6]
+        # x[6] is the change of the plane's distance from the initial axis point
         return (
             np.append(normal, plane[:3] @ point + plane[3] - normal @ point + POSITION_STEP_MM * x[6]),
             position,

@@ -1,4 +1,4 @@
-"""Where a laser's light lies, from photos of a calibration board with the line on it."""
+"""Calibrate laser planes from photos of a calibration board with the lines on it."""
 
 from __future__ import annotations
 
@@ -20,32 +20,32 @@ from planish.geometry.triangulation import meet_plane, rays
 from planish.types import Camera, Floats, Pixels
 
 MIN_CROSSINGS = 20
-"""Rows or columns in which a line must be seen on a board."""
+"""Least number of rows or columns in which a line is detected on the board."""
 
 COLLINEAR = 0.03
-"""Of the length of what the lines show, their spread across it: with less, they are almost one line in space."""
+"""Least ratio of the second to the first principal extent of the points; below it they are collinear."""
 
 LINE_TOLERANCE = 0.04
-"""Of a square: so far from a straight line what a laser lights on a board may lie; beyond it are stray gleams."""
+"""Largest distance from the straight line on the board, in squares; beyond it are reflections."""
 
 TRIALS = 300
-"""Pairs of points that are tried for the line: with half of them stray one pair in four is good."""
+"""RANSAC trials: with half of the points outliers one pair in four is good."""
 
 MAX_REPROJECTION_PX = 2.0
-"""Rms distance of the board's corners from where the camera should see them."""
+"""Largest rms reprojection error of the board's corners."""
 
 
 class LaserPlanes(NamedTuple):
-    """Planes of lasers, and how well they were found.
+    """Calibrated laser planes.
 
     Attributes
     ----------
     planes : (lines, 4) float64
         a x + b y + c z + d = 0 [mm] in the camera's world, the upper or left one first.
     rms_mm : (lines,) float64
-        Distance of what was seen from the planes.
+        Rms distance of the points from each plane.
     points : int
-        In which lines were seen.
+        Number of points.
     """
 
     planes: Floats
@@ -56,7 +56,7 @@ class LaserPlanes(NamedTuple):
 def calibrate_laser_planes(
     photos: list[Pixels], names: list[str], camera: Camera, board: Board, *, lines: int = 1
 ) -> LaserPlanes:
-    """Find the planes of lasers from photos of a board in different poses, the lines on it.
+    """Calibrate laser planes from photos of a board in different poses, with the lines on it.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def calibrate_laser_planes(
     Raises
     ------
     InputError
-        If a photo shows no board or no line, or the poses are too alike to tell a plane from them.
+        If a photo shows no board or no line, or the poses are too similar to determine a plane.
     """
     seen = laser_points_on_boards(photos, names, camera, board, lines)
     planes, rms = [], []
@@ -91,12 +91,12 @@ def calibrate_laser_planes(
 def laser_points_on_boards(
     photos: list[Pixels], names: list[str], camera: Camera, board: Board, lines: int = 1
 ) -> list[list[Floats]]:
-    """Find what lasers light on a board: for every photo, for every line, points (k, 3) [mm] in the world.
+    """Triangulate laser lines on a board: for every photo and line, points (k, 3) [mm] in the world.
 
     Raises
     ------
     InputError
-        If a photo shows no board or no line, or is of another camera.
+        If a photo shows no board or no line, or does not fit the camera.
     """
     seen = []
     for photo, name in zip(photos, names, strict=True):
@@ -121,7 +121,7 @@ def laser_points_on_boards(
 
 
 def _inliers_of_line(points: Floats, tolerance: float) -> Floats:
-    """Those of points (k, 3) that lie on one straight line, the one on which most do."""
+    """Inliers among points (k, 3) of the dominant straight line (RANSAC)."""
     points = points[np.isfinite(points).all(axis=1)]
     pairs = np.random.default_rng(0).integers(max(len(points), 1), size=(TRIALS, 2))
     best = np.zeros(len(points), bool)
@@ -134,7 +134,7 @@ def _inliers_of_line(points: Floats, tolerance: float) -> Floats:
 
 
 def _pose(photo: Pixels, name: str, camera: Camera, board: Board) -> tuple[Floats, Floats]:
-    """The board's plane (4,) in the world, and the outline (k, 2) of its corners on the photo."""
+    """Plane (4,) of the board in the world, and convex hull (k, 2) of its corners on the photo."""
     found = find_corners(board, to_grey(without_laser(photo, laser_colour(photo))))
     if found is None:
         raise InputError(
@@ -160,7 +160,7 @@ def _pose(photo: Pixels, name: str, camera: Camera, board: Board) -> tuple[Float
 
 
 def _lines_on_board(photo: Pixels, name: str, outline: Floats, lines: int) -> list[Floats]:
-    """Photo places (k, 2) of each line within the board."""
+    """Photo positions (k, 2) of each line within the board."""
     channel = laser_colour(photo)
     laser_off = without_laser(photo, channel)
     inside = cv2.fillPoly(np.zeros(photo.shape[:2], np.uint8), [np.rint(outline).astype(np.int32)], 1).astype(bool)

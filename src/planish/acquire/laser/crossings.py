@@ -1,4 +1,4 @@
-"""Where a swept laser line was found on the photos."""
+"""Detected crossings of a swept laser line with the rows or columns of the photos."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from planish.types import Diagnostic, Floats
 
 
 class Sweep(NamedTuple):
-    """Where the laser lines cross the rows (or columns) of every photo.
+    """Crossings of the laser lines with the rows (or columns) of every photo.
 
     Attributes
     ----------
     at, sd : (frames, count, lines) float32 [px]
-        Place and its standard deviation; NaN where no line was found.
+        Position and its standard deviation; NaN where no line was detected.
     along : {"rows", "columns"}
     warnings : list of Diagnostic
     """

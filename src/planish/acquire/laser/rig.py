@@ -1,4 +1,4 @@
-"""Where two fixed lasers lie, from one photo of their lines on squared paper, which may be bent like an open book."""
+"""Calibrate two fixed lasers from one photo of their lines on squared paper, flat or bent like an open book."""
 
 from __future__ import annotations
 
@@ -24,27 +24,27 @@ from planish.geometry.triangulation import rays
 from planish.types import Camera, Floats, Pixels
 
 CENTRE_SIGMA = 0.02
-"""Of the focal length: how far a lens's axis is usually off the photo's middle. It counts as one corner of a square
-does, so that it decides only where the squares do not, as on flat paper."""
+"""Prior standard deviation of the principal point, relative to the focal length. It weighs as much as one corner, so it
+matters only where the squares leave the principal point open, as on flat paper."""
 
 ROBUST_SCALE = 0.05
-"""Squares: corners farther from their places count less."""
+"""Scale of the robust loss of corner residuals [squares]."""
 
 MAX_RMS = 0.4
-"""Rms distance, in squares, of the corners from their places, above which the lasers are not found."""
+"""Largest rms residual of the corners [squares]."""
 
 
 class LaserRig(NamedTuple):
-    """Two lasers, and how well the squares came out with them.
+    """Two calibrated lasers.
 
     Attributes
     ----------
     camera : Camera
-        As it was given, or with the lens's distortion and principal point that were found.
+        As given, or with the estimated distortion and principal point.
     planes : (2, 4) float64
         Upper and lower, a x + b y + c z + d = 0 [mm] in the camera's world.
     rms_squares : float
-        Distance of the unrolled corners from those of a true lattice, in squares.
+        Rms distance of the unrolled corners from a regular lattice.
     corners : int
     """
 
@@ -57,11 +57,11 @@ class LaserRig(NamedTuple):
 def calibrate_laser_rig(
     laser_on: Pixels, photo: Pixels | None, camera: Camera, square_mm: float, *, lens: bool = False
 ) -> LaserRig:
-    """Find the planes of two lasers by which squared paper comes out squared.
+    """Calibrate the planes of two lasers such that squared paper unrolls to a regular lattice.
 
-    Seen down its rulings paper is not foreshortened, so a square's height on the photo tells how far away it is:
-    that is the start. Then the planes and the direction of the rulings are improved until the unrolled corners are
-    the corners of a lattice, and both lines have one profile (least squares).
+    Initial depths come from the heights of the squares, which are not foreshortened along the rulings. Then planes and
+    ruling direction are optimised by least squares: unrolled corners against a lattice, and the profile of one line
+    against that of the other.
 
     Parameters
     ----------
@@ -73,13 +73,13 @@ def calibrate_laser_rig(
     square_mm : float
         Side of a square.
     lens : bool
-        Also find the lens's first radial distortion (OpenCV's k1) and the principal point, where the camera is known by
-        its focal length alone.
+        Also estimate radial distortion (OpenCV's k1) and principal point, for a camera of which only the focal length
+        is known.
 
     Raises
     ------
     InputError
-        If there are no squares, no lines, or no planes that fit both.
+        If there are no squares, no lines, or no planes that fit.
     """
     if laser_on.shape[:2] != tuple(camera.shape_rc):
         raise InputError(
@@ -122,7 +122,7 @@ def calibrate_laser_rig(
         )
     planes = _planes(best, depth)
     planes[:, 3] *= square_mm
-    # from the camera into its world: n.(R x + t) + d
+    # from the camera's frame into the world: n.(R x + t) + d
     world = np.column_stack(
         [planes[:, :3] @ camera.rotation, planes[:, :3] @ np.ravel(camera.translation) + planes[:, 3]]
     )
@@ -130,7 +130,7 @@ def calibrate_laser_rig(
 
 
 def _with_lens(camera: Camera, lens: Floats) -> Camera:
-    """The camera with k1, and with a principal point moved by parts of the focal length; as it is if none are given."""
+    """Apply k1 and a shift of the principal point, relative to the focal length; no change for an empty `lens`."""
     if not len(lens):
         return camera
     matrix = camera.matrix.copy()
@@ -145,14 +145,14 @@ def _planes(parameters: Floats, depth: float) -> Floats:
 
 
 def _about_depth(plane: Floats, depth: float) -> Floats:
-    """p, q, r of y = p x + q (z - depth) + r from those of y = p x + q z + r."""
+    """Convert p, q, r of y = p x + q z + r to those of y = p x + q (z - depth) + r."""
     return plane + [0, 0, plane[1] * depth]
 
 
 def _initial_plane(at: Floats, camera: Camera, lattices: list[Squares]) -> tuple[Floats, float]:
-    """p, q, r of y = p x + q z + r [squares] through a line's points, and the middle of their depths.
+    """Fit p, q, r of y = p x + q z + r [squares] to a line's points; also return their median depth.
 
-    The depths come from the height of the squares around them.
+    Depths come from the heights of the squares around them.
     """
     positions, depth = [], []
     for squares in lattices:
@@ -173,7 +173,7 @@ def _initial_plane(at: Floats, camera: Camera, lattices: list[Squares]) -> tuple
 
 
 def _lattice_residual(flat: Floats, squares: Squares) -> Floats:
-    """Unrolled corners (n, 2) less those of a lattice of unit squares, turned and shifted to fit best; 0 if unknown."""
+    """Residuals (n, 2) of unrolled corners from the best-fitting lattice of unit squares; 0 if unknown."""
     known = np.isfinite(flat).all(axis=1)
     residual = np.zeros_like(flat)
     if known.sum() < 3:

@@ -13,19 +13,19 @@ from planish.geometry.guards import TINY_SHARE
 from planish.types import Floats, Pixels
 
 LINE_PX = 7
-"""Length over which a printed line is straight enough to be averaged along."""
+"""Length of the averaging filter along printed lines."""
 
 BACKGROUND_PX = 31
-"""Side of the neighbourhood whose brightness is paper's."""
+"""Side of the neighbourhood for the brightness of the paper."""
 
 MIN_CONTRAST = 0.02
-"""Darkness of both lines at a corner, in parts of the paper's brightness, from which it counts."""
+"""Least darkness of both lines at a corner, relative to the paper."""
 
 TOLERANCE = 0.3
-"""Of a square's side: so far from where its neighbours promise it a corner may lie."""
+"""Largest distance of a corner from its predicted position, in squares."""
 
 MIN_CORNERS = 60
-"""Corners of one lattice; smaller ones are print that looks like squares."""
+"""Least corners of a lattice; smaller ones are print that resembles squares."""
 
 
 class Squares(NamedTuple):
@@ -34,7 +34,7 @@ class Squares(NamedTuple):
     Attributes
     ----------
     ij : (n, 2) int
-        Column and row of every corner, counted in squares; where from does not matter.
+        Column and row of every corner in the lattice, from an arbitrary origin.
     xy : (n, 2) float64 [photo px]
     """
 
@@ -43,10 +43,10 @@ class Squares(NamedTuple):
 
 
 def find_squares(photo: Pixels) -> list[Squares]:
-    """Find the lattices of squared sheets in a photo, the left one first.
+    """Detect the lattices of squared sheets in a photo, from left to right.
 
-    Corners are where a dark line that runs across and one that runs down are both seen; neighbours are joined to
-    lattices step by step, each step predicted by the one before. Green laser light is not looked at.
+    Corners are crossings of a dark horizontal and a dark vertical line; lattices grow from corner to corner, each step
+    predicted by the previous one. The green channel is ignored because of laser light.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ def find_squares(photo: Pixels) -> list[Squares]:
 
 
 def _corners(photo: Pixels) -> Floats:
-    """Places (n, 2) where two lines cross, the clearest first."""
+    """Line crossings (n, 2), the strongest first."""
     red_blue = (photo[..., 0].astype(np.float32) + photo[..., 2]) / 2
     paper = cv2.GaussianBlur(cv2.dilate(red_blue, np.ones((BACKGROUND_PX, BACKGROUND_PX))), (0, 0), BACKGROUND_PX / 2)
     dark = cv2.GaussianBlur(1 - red_blue / np.maximum(paper, 1), (0, 0), 0.8)
@@ -91,7 +91,7 @@ def _corners(photo: Pixels) -> Floats:
     order = np.argsort(-response[rows, cols])
     rows, cols = rows[order], cols[order]
     position = np.column_stack([cols, rows]).astype(np.float64)
-    for axis, (r, c) in enumerate(((0, 1), (1, 0))):  # the top of a parabola through three pixels
+    for axis, (r, c) in enumerate(((0, 1), (1, 0))):  # vertex of a parabola through three pixels
         before, here, behind = response[rows - r, cols - c], response[rows, cols], response[rows + r, cols + c]
         curvature = np.minimum(before + behind - 2 * here, -TINY_SHARE)
         position[:, axis] += np.clip((before - behind) / (2 * curvature), -0.5, 0.5)
@@ -99,7 +99,7 @@ def _corners(photo: Pixels) -> Floats:
 
 
 def _grow_lattice(corners: Floats, unused: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]] | None:
-    """The lattice around the clearest free corner that has four neighbours: its rows, and their (i, j)."""
+    """Grow a lattice from the strongest unused corner with four neighbours: corner indices and their (i, j)."""
     tree = cKDTree(corners)
     for seed in np.flatnonzero(unused):
         steps = _lattice_steps(corners, tree, int(seed))
@@ -109,7 +109,7 @@ def _grow_lattice(corners: Floats, unused: NDArray[np.bool_]) -> tuple[NDArray[n
 
 
 def _lattice_steps(corners: Floats, tree: cKDTree, seed: int) -> tuple[Floats, Floats] | None:
-    """One square to the right and one down from a corner, from its four neighbours; None if they are not alike."""
+    """Lattice steps to the right and down at a corner, from its four neighbours; None if these are irregular."""
     _, near = tree.query(corners[seed], k=9)
     step_vector = corners[near[1:]] - corners[seed]
     steps = []
@@ -131,7 +131,7 @@ def _lattice_steps(corners: Floats, tree: cKDTree, seed: int) -> tuple[Floats, F
 def _walk_lattice(
     corners: Floats, unused: NDArray[np.bool_], tree: cKDTree, seed: int, steps: tuple[Floats, Floats]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Breadth first from corner to corner; every corner keeps the steps that led to it."""
+    """Breadth-first search from corner to corner; every corner keeps the steps that led to it."""
     position = {(0, 0): seed}
     visited = {seed}
     queue = [((0, 0), steps)]

@@ -1,8 +1,8 @@
-"""Laser lines on a photo, to a few hundredths of a pixel, with the print under them divided out.
+"""Detect laser lines to a few hundredths of a pixel, with the reflectance of the print divided out.
 
-A laser photo shows reflectance times (room light + laser light), the laser-off photo reflectance times room light.
-Their quotient less 1 is laser light over room light: print, which drags the brightest place of a line towards the
-paper beside a letter, is no longer in it.
+The laser-on photo shows reflectance x (ambient + laser light), the laser-off photo reflectance x ambient light. Their
+quotient minus 1 is laser over ambient light, free of the print, which would bias the peak of a line towards bright
+paper beside a letter.
 """
 
 from __future__ import annotations
@@ -21,37 +21,37 @@ from planish.types import Floats, Pixels
 Direction = Literal["rows", "columns"]
 
 WINDOW = 2
-"""Pixels on either side over which a line's strength is averaged before its top is looked for."""
+"""Half width of the averaging window for peak detection [px]."""
 
 MIN_SIGMA = 6.0
-"""So many standard deviations of the camera's noise a line must stand out; noise reaches 5 once in 3 million pixels."""
+"""Least peak height in standard deviations of the noise; noise reaches 5 once in 3 million pixels."""
 
 FLANK = 0.2
-"""The fit to a line ends where it has fallen to this part of its top: below, room light and noise count for more."""
+"""The fit extends to where a line has fallen to this share of its peak; below, ambient light and noise dominate."""
 
 DIP = 0.5
-"""Between two lines the light falls to less than this part of the fainter one."""
+"""Between two lines light falls below this share of the fainter peak."""
 
 WIDEST = 40
-"""Pixels on either side of its top that a line may have."""
+"""Largest half width of a line [px]."""
 
 CLIPPED = 0.98
-"""Of the highest code value: there the sensor is full, and the pixel says nothing of the line's shape."""
+"""Share of the highest code value from which pixels are saturated and ignored in the fit."""
 
 ROUNDS = 3
-"""Of the fit; the weights change by less than a hundredth in a fourth."""
+"""Iterations of the fit; a fourth would change weights by less than 1 %."""
 
 FIT_SIGMA = 2.0
-"""A pixel counts in the fit if its laser light is more than so many standard deviations of the noise."""
+"""Least laser light of a pixel in the fit, in standard deviations of the noise."""
 
 FLANK_WIDTHS = 1.5
-"""So many of the line's widths from its middle there must be light as the fit has it, to either side."""
+"""Both flanks must carry the fitted light up to so many widths from the centre."""
 
 MIN_NOISE = 0.3
-"""In code values: that of rounding alone."""
+"""Least noise [code values]: that of rounding."""
 
 MIN_REFLECTANCE = 0.004
-"""Of full light: the reflectance of deep black ink under weak light, below which dividing amplifies noise alone."""
+"""Least divisor, relative to full light: dark ink under weak light; dividing by less only amplifies noise."""
 
 
 class Stripes(NamedTuple):
@@ -60,13 +60,13 @@ class Stripes(NamedTuple):
     Attributes
     ----------
     at : (count, lines) float64 [px]
-        Where each line crosses each row (column), in ascending order; NaN where not all lines were seen.
+        Crossings of the lines with each row (column), ascending; NaN unless all lines were detected.
     sd : (count, lines) float64 [px]
-        Standard deviation that the camera's noise gives `at`.
+        Standard deviation of `at` from the camera's noise.
     width : (count, lines) float64 [px]
         Standard deviation of the line's Gaussian profile.
     clipped_share : float
-        Of the pixels in the lines.
+        Share of saturated pixels in the lines.
     """
 
     at: Floats
@@ -76,14 +76,14 @@ class Stripes(NamedTuple):
 
 
 class LaserOffImage(NamedTuple):
-    """What the laser-off photo says, ready for many laser photos of the same view.
+    """A prepared laser-off photo, for many laser-on photos of the same view.
 
     Attributes
     ----------
     light : (count, length) float32
         Linear light, lines along the second axis.
     reflectance : (count, length) float32
-        What to divide by; the light itself, or ones to leave the print in.
+        Divisor; the light itself, or ones to keep the print.
     """
 
     light: NDArray[np.float32]
@@ -91,7 +91,7 @@ class LaserOffImage(NamedTuple):
 
 
 def laser_channel(laser_on: Pixels, laser_off: Pixels) -> int:
-    """Which of red, green and blue (0, 1, 2) the laser adds most to."""
+    """Channel (0, 1, 2: red, green, blue) to which the laser adds most light."""
     rows, cols = (slice(None, None, max(1, side // 1000)) for side in laser_on.shape[:2])
     gain = np.maximum(laser_on[rows, cols].astype(np.float32) - laser_off[rows, cols], 0)
     return int((gain**2).sum(axis=(0, 1)).argmax())
@@ -108,9 +108,9 @@ def laser_off_image(
         sRGB.
     channel : int
     along : {"rows", "columns"}
-        rows: look along each row, for lines that run down the photo. columns: along each column.
+        rows: search along each row, for vertical lines. columns: along each column, for horizontal ones.
     divide : bool
-        False leaves the print in the lines: only to measure what dividing is worth.
+        False keeps the print, to measure the effect of the division.
     """
     plane, table = _plane(laser_off, channel, along), linear_light(np.iinfo(laser_off.dtype).max + 1)
     light = np.empty(plane.shape, np.float32)
@@ -128,25 +128,25 @@ def find_stripes(
     lines: int = 1,
     noise: float | None = None,
 ) -> Stripes:
-    """Find laser lines in every row (or column) of a photo.
+    """Detect laser lines in every row (or column) of a photo.
 
-    With q = (lit - k off) / off, k the change of the room's light between the photos (the median of lit / off), a line
-    is where q averaged over a few pixels, each counted by how sure it is, has one of its `lines` highest tops. There
-    ln q = a + b x + c x^2, a Gaussian, is fitted with weights (model / noise)^2 in three rounds (Guo 2011, "A simple
-    algorithm for fitting a Gaussian function"), clipped pixels left out; the line is at -b / 2c.
+    With q = (on - k off) / off, k the change of ambient light between the photos (median of on / off), lines are the
+    `lines` highest peaks of q, averaged over a few pixels with inverse-variance weights. A Gaussian, ln q = a + b x +
+    c x^2, is fitted to each with weights (model / noise)^2 in three iterations (Guo 2011, "A simple algorithm for
+    fitting a Gaussian function"), without saturated pixels; the line is at -b / 2c.
 
     Parameters
     ----------
     laser_on : (rows, cols, 3) uint8 or uint16
         sRGB.
     laser_off : Print
-        From `laser_off_image`, of the same channel and direction.
+        From `laser_off_image`, for the same channel and direction.
     channel : int
     along : {"rows", "columns"}
     lines : int
-        How many there are. Rows in which fewer are seen are left out: which line is missing cannot be told.
+        Number of lines. Rows with fewer are dropped, since the missing one is unknown.
     noise : float, optional
-        Standard deviation of lit - off where there is no laser, in code values. By default it is measured.
+        Standard deviation of on - off without laser [code values]; measured by default.
 
     Returns
     -------
@@ -181,24 +181,24 @@ def find_stripes(
 
 
 def _plane(photo: Pixels, channel: int, along: Direction) -> Pixels:
-    """One channel, lines to be looked along in memory order."""
+    """One channel, search direction contiguous in memory."""
     plane = photo[..., channel]
     return np.ascontiguousarray(plane if along == "rows" else plane.T)  # type: ignore[return-value]
 
 
 def _sample(lines: Pixels) -> slice:
-    """About 200 lines of an image: enough for a median."""
+    """About 200 lines of an image, enough for a median."""
     return slice(None, None, max(1, len(lines) // 200))
 
 
 def _ambient_change_and_noise(
     laser_on: NDArray[np.float32], laser_off: NDArray[np.float32], slope: NDArray[np.float32]
 ) -> tuple[float, float]:
-    """Change of the room's light between two photos, and the noise of their difference in code values.
+    """Ratio of ambient light between two photos, and noise of their difference [code values].
 
-    Most pixels have no laser on them, so medians measure the room.
+    Medians: most pixels have no laser light.
     """
-    paper = laser_off > np.median(laser_off)  # a dark table, or print, has no light to compare
+    paper = laser_off > np.median(laser_off)  # dark background and print carry too little light
     change = float(np.median(laser_on[paper] / laser_off[paper])) if paper.any() else 1.0
     deviation = np.abs(laser_on - np.float32(change) * laser_off) / slope
     return change, max(float(1.4826 * np.median(deviation)), MIN_NOISE)
@@ -206,7 +206,7 @@ def _ambient_change_and_noise(
 
 @njit(cache=True, nogil=True)
 def _find_in_rows(first, last, code, light, noise, laser_off, reflectance, change, clipped, found, counts):  # type: ignore[no-untyped-def]
-    """Find the lines of rows first to last: place, its deviation, width."""
+    """Fit the lines in rows first to last: position, standard deviation, width."""
     n = code.shape[1]
     y, v, strength, score = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
     peaks = np.empty((found.shape[1], 3), np.int64)
@@ -226,7 +226,7 @@ def _find_in_rows(first, last, code, light, noise, laser_off, reflectance, chang
 
 @njit(cache=True, nogil=True)
 def _line_amplitude(y, v, d, strength, score):  # type: ignore[no-untyped-def]
-    """Least squares of y = A d over a window: A, and A less SURE deviations of it."""
+    """Least squares of y = A d over a window: A, and A minus MIN_SIGMA standard deviations."""
     n = len(y)
     above, below = 0.0, TINY
     for x in range(-WINDOW, n):
@@ -243,7 +243,7 @@ def _line_amplitude(y, v, d, strength, score):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _highest_peaks(strength, score, peaks):  # type: ignore[no-untyped-def]
-    """Find the highest tops, in ascending order: (top, begin, end) of each; False if there are fewer."""
+    """Find the highest peaks, ascending by position: (peak, begin, end) of each; False if there are fewer."""
     n = len(score)
     taken = np.zeros(n, np.bool_)
     k = 0
@@ -260,7 +260,7 @@ def _highest_peaks(strength, score, peaks):  # type: ignore[no-untyped-def]
         if not shoulder:
             peaks[k, 0], peaks[k, 1], peaks[k, 2] = best, low, high + 1
             k += 1
-    for k in range(1, len(peaks)):  # a handful: insertion
+    for k in range(1, len(peaks)):  # insertion sort of a few
         j = k
         while j > 0 and peaks[j - 1, 0] > peaks[j, 0]:
             for c in range(3):
@@ -271,7 +271,7 @@ def _highest_peaks(strength, score, peaks):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _is_shoulder(strength, taken, peak, step):  # type: ignore[no-untyped-def]
-    """Whether there is no dip between a top and a line that was found already: then it is that line's flank."""
+    """Whether a peak is the flank of an already found line: no dip between them."""
     x = peak
     while 0 <= x < len(strength) and strength[x] > DIP * strength[peak]:
         if taken[x]:
@@ -282,7 +282,7 @@ def _is_shoulder(strength, taken, peak, step):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _flank_end(strength, peak, step):  # type: ignore[no-untyped-def]
-    """Walk down from a top to where it has fallen to FLANK of itself, or another line begins."""
+    """Descend from a peak to FLANK of its height, or to the beginning of another line."""
     x, least = peak, strength[peak]
     while 0 <= x + step < len(strength) and abs(x - peak) < WIDEST and strength[x] > FLANK * strength[peak]:
         if least < DIP * strength[peak] and strength[x + step] > 1.5 * least:
@@ -294,7 +294,7 @@ def _flank_end(strength, peak, step):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _fit(peak, y, v, d, strength, code, clipped, fit, counts):  # type: ignore[no-untyped-def]
-    """Weighted parabola through ln(y / d): its top, the top's deviation, the Gaussian's width; else NaN."""
+    """Weighted parabola fit of ln(y / d): vertex, its standard deviation, width of the Gaussian; NaN if it fails."""
     fit[:] = np.nan
     a, b, c = 0.0, 0.0, 0.0
     for iteration in range(ROUNDS):
@@ -345,7 +345,7 @@ def _fit(peak, y, v, d, strength, code, clipped, fit, counts):  # type: ignore[n
 
 @njit(cache=True, nogil=True)
 def _has_both_flanks(peak, u, a, b, c, y, v, d, code, clipped):  # type: ignore[no-untyped-def]
-    """Whether light is there on both sides of a line's middle; at the sheet's edge one falls into the dark."""
+    """Whether both flanks of a line carry light; at the edge of the sheet one does not."""
     reach = FLANK_WIDTHS * np.sqrt(-1 / (2 * c))
     for side in (-1, 1):
         measured_light, expected, variance = 0.0, 0.0, 0.0

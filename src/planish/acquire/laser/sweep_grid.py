@@ -1,4 +1,4 @@
-"""The crossings of a laser sweep, brought onto a grid of the camera's pixels."""
+"""Resample the crossings of a laser sweep to a grid of camera pixels."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from planish.parallel import thread_pool
 from planish.types import Camera, Floats
 
 WIDEST_GAP = 4.0
-"""Between two photos' lines, in grid cells: what lies in a wider one was not seen."""
+"""Largest gap between neighbouring lines, in grid cells; wider ones stay empty."""
 
 MIN_SD_PX = 0.02
-"""Pixels: speckle keeps lines from being placed better, whatever the camera's noise says."""
+"""Least standard deviation of a line [px]: speckle limits accuracy, whatever the noise."""
 
 OUTLIER = 2.5
-"""Samples that miss the first fit by more than so many times its rms do not count in the second."""
+"""Outlier threshold for the second fit, in rms of the first."""
 
 
 def grid_cell_px(sweep: Sweep) -> int:
-    """Camera pixels to a side of a grid cell: as many as a line moves from one photo to the next."""
+    """Side of a grid cell [camera px]: the step of a line from photo to photo."""
     at = np.sort(sweep.at.transpose(1, 0, 2).reshape(sweep.at.shape[1], -1), axis=1)
     steps = np.diff(at, axis=1)
     return max(1, round(float(np.nanmedian(steps))))
 
 
 def resample_to_grid(sweep: Sweep, inverse: Floats, camera: Camera, cell: int) -> tuple[Floats, Floats, Floats]:
-    """Depth [mm], share of the rows that agree, and standard deviation [mm], each (grid rows, grid columns)."""
+    """Resample to (grid rows, grid columns): depth [mm], share of agreeing rows, and standard deviation [mm]."""
     count = sweep.at.shape[1]
     length = camera.shape_rc[1 if sweep.along == "rows" else 0]
     at, w, sd = (v.transpose(1, 0, 2).reshape(count, -1) for v in (sweep.at, inverse, sweep.sd))
@@ -47,11 +47,11 @@ def resample_to_grid(sweep: Sweep, inverse: Floats, camera: Camera, cell: int) -
 
 @njit(cache=True, nogil=True)
 def _fit_grid(first, last, cell, at, w, sd, count_valid, focal, grid_w, agreement, grid_sd):  # type: ignore[no-untyped-def]
-    """Fit w = a + b x + c y + e x^2 around every grid point, to two samples on either side in each of its rows."""
+    """Fit w = a + b x + c y + e x^2 at every grid point to two samples per side in each of its rows."""
     x, y, z, q = np.empty(4 * cell), np.empty(4 * cell), np.empty(4 * cell), np.empty(4 * cell)
     result = np.empty(3)
     for i in range(first, last):
-        behind = np.zeros(cell, np.int64)  # in each row, the first sample right of the grid point
+        behind = np.zeros(cell, np.int64)  # first sample right of the grid point, per row
         rows = min(cell, len(at) - i * cell)
         for j in range(grid_w.shape[1]):
             middle = j * cell + (cell - 1) / 2
@@ -71,14 +71,14 @@ def _fit_grid(first, last, cell, at, w, sd, count_valid, focal, grid_w, agreemen
                         n += 1
             if 2 * full < rows or not _fit_sheet(n, x, y, z, q, result):
                 continue
-            # across a jump samples scatter more than on the steepest surface that is joined
+            # across a discontinuity samples scatter more than on the steepest joined surface
             if result[1] <= STEEPEST / 2 * result[0] / focal:
                 grid_w[i, j], grid_sd[i, j], agreement[i, j] = result[0], result[1], result[2] * full / rows
 
 
 @njit(cache=True, nogil=True)
 def _fit_sheet(n, x, y, z, q, result):  # type: ignore[no-untyped-def]
-    """Weighted least squares in two rounds, outliers left out of the second: a, its deviation, share that counted."""
+    """Weighted least squares, repeated without outliers: a, its standard deviation, share of inliers."""
     base, limit = z[0], np.inf
     fit = np.zeros(4)
     for _ in range(2):
@@ -95,7 +95,7 @@ def _fit_sheet(n, x, y, z, q, result):  # type: ignore[no-untyped-def]
                     normal[u, v] += q[k] * row[u] * row[v]
         if kept < 3:
             return False
-        for u in range(1, 4):  # a single row, or two lines only, leave a slope or the bend undetermined
+        for u in range(1, 4):  # regularises slopes that a single row or two lines leave undetermined
             normal[u, u] *= 1 + 1e-9
             normal[u, u] += 1e-9 * normal[0, 0]
         inverse = np.linalg.inv(normal)

@@ -1,4 +1,4 @@
-"""Whether the photos of a laser sweep stand in the order of their planes."""
+"""Check that the photos of a laser sweep are in the order of their planes."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from planish.geometry.triangulation import meet_plane, rays
 from planish.types import Camera, Floats
 
 MIN_STEP = 0.05
-"""Of the usual step: two photos in which the line has moved by less show it in one place."""
+"""Least relative step of a line between photos; below it they show the same position."""
 
 
 def check_order(sweep: Sweep, camera: Camera, planes: Floats, inverse: Floats, names: list[str]) -> None:
-    """Refuse photos that are shuffled or doubled.
+    """Refuse shuffled or duplicated photos.
 
-    Seen from the camera, what the laser lights on a surface follows the order of its planes: a surface on which it
-    did not would hide behind itself. So from one plane to the next the line must move the same way on the photo.
+    On a visible surface the order of laser lines on the photo is the order of their planes, so from plane to plane the
+    line must move in one direction.
 
     Parameters
     ----------
@@ -26,7 +26,7 @@ def check_order(sweep: Sweep, camera: Camera, planes: Floats, inverse: Floats, n
     camera : Camera
     planes : (frames, lines, 4) float64
     inverse : (frames, count, lines) float64 [1/mm]
-        Inverse depths of what was seen.
+        Inverse depths of the crossings.
     names : list of str
 
     Raises
@@ -61,7 +61,7 @@ def check_order(sweep: Sweep, camera: Camera, planes: Floats, inverse: Floats, n
 
 
 def _expected_positions(sweep: Sweep, camera: Camera, planes: Floats, depth: float) -> Floats:
-    """Where each plane would cross the middle row (column) of the photo on a wall at the usual depth, (frames,)."""
+    """Expected crossing of each plane with the central row (column), on a wall at median depth: (frames,)."""
     rows, cols = camera.shape_rc
     along = np.linspace(0, cols - 1, 2) if sweep.along == "rows" else np.linspace(0, rows - 1, 2)
     middle = (rows - 1) / 2 if sweep.along == "rows" else (cols - 1) / 2
@@ -76,7 +76,7 @@ def _expected_positions(sweep: Sweep, camera: Camera, planes: Floats, depth: flo
 
 
 def _median_steps(at: Floats) -> Floats:
-    """Median over the rows of how far the line moves between frames that follow each other; NaN without a row."""
+    """Median step of the line between consecutive frames; NaN without common rows."""
     steps = np.full(len(at) - 1, np.nan)
     for k in range(len(steps)):
         step = at[k + 1] - at[k]
