@@ -121,7 +121,10 @@ def test_a_bright_camera_curve_does_no_harm(capture):
 def test_out_of_focus(capture):
     _, made, true, on_sheet, _ = capture
     soft = np.stack([ndimage.gaussian_filter(frame, 2.0) for frame in made.frames])
-    off = [np.abs(find_correspondence(f, PROJECTOR).projector_xy - true)[on_sheet] for f in (split(soft, PROJECTOR)[0], soft)]
+    off = [
+        np.abs(find_correspondence(f, PROJECTOR).projector_xy - true)[on_sheet]
+        for f in (split(soft, PROJECTOR)[0], soft)
+    ]
     assert np.isfinite(off[1]).mean() > np.isfinite(off[0]).mean()
     assert np.nanquantile(off[1], 0.9) < min(0.3, np.nanquantile(off[0], 0.9))  # print smears over 4 projector pixels
 
