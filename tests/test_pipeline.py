@@ -1,5 +1,6 @@
 """The whole walk, from Python: what a page must be, and what must not change it."""
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -145,3 +146,15 @@ def test_the_paper_keeps_a_thousand_points_and_the_report_says_so():
     done = planish.restore(Scan(mesh), RestoreSettings(flatten=FlattenSettings(method="verlet")))
     assert done.report.flatten.points == pytest.approx(1000, rel=0.1)
     assert done.report.scan.points == len(mesh.points)
+
+
+def test_two_threads_at_once_give_the_bytes_of_one_after_the_other(book):
+    """Kernels share no state: neither the thread pool, nor caches, nor files of the process."""
+    letter = virtual_scan(sheet("letter"), **SMALL)
+    alone = [planish.restore(made.scan, DRAFT) for made in (book, letter)]
+    with ThreadPoolExecutor(2) as pool:
+        together = list(pool.map(lambda made: planish.restore(made.scan, DRAFT), (book, letter)))
+    for one, other in zip(alone, together, strict=True):
+        np.testing.assert_array_equal(one.flattening.page_xy, other.flattening.page_xy)
+        np.testing.assert_array_equal(one.rendered.pixels, other.rendered.pixels)
+        np.testing.assert_array_equal(one.unshaded.pixels, other.unshaded.pixels)
