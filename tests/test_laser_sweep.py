@@ -46,6 +46,7 @@ def surface_rms(made, acquired):
     return np.sqrt(np.nanmean(off**2))
 
 
+@pytest.mark.slow
 def test_the_surface_under_the_print_is_true_and_without_dividing_it_is_less_so(swept):
     made, _ = swept
     divided, plain = scan(swept), scan(swept, divide=False)
@@ -57,6 +58,7 @@ def test_the_surface_under_the_print_is_true_and_without_dividing_it_is_less_so(
     assert divided.confidence.max() <= 1
 
 
+@pytest.mark.slow
 def test_the_photo_is_the_one_without_laser_and_its_places_are_the_camera_s(swept):
     made, _ = swept
     acquired = scan(swept)
@@ -64,6 +66,7 @@ def test_the_photo_is_the_one_without_laser_and_its_places_are_the_camera_s(swep
     assert acquired.scan.photo_xy.shape == (len(acquired.scan.mesh.points), 2)
 
 
+@pytest.mark.slow
 def test_columns_do_as_well_as_rows(swept):
     """The photos laid on their sides, and the camera with them."""
     made, frames = swept
@@ -87,6 +90,7 @@ def test_columns_do_as_well_as_rows(swept):
     assert np.allclose(mesh.points.mean(axis=0), plain.points.mean(axis=0), atol=0.5)
 
 
+@pytest.mark.slow
 def test_planes_found_on_two_known_walls_are_the_true_ones(swept):
     made, _ = swept
     rows, cols = made.camera.shape_rc
@@ -126,6 +130,7 @@ def test_a_plane_is_fitted_in_spite_of_a_stray_point():
     assert rms < 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("order", "sentence"),
     [
@@ -140,12 +145,14 @@ def test_photos_out_of_order_are_named(swept, order, sentence):
         from_laser(stripes(swept, order), names(), made.photo, made.camera, made.planes)
 
 
+@pytest.mark.slow
 def test_no_laser_is_a_sentence(swept):
     made, _ = swept
     with pytest.raises(InputError, match=r"no laser line is seen in 5 of 5 photos \(001.png, .* and 1 more\)"):
         sweep_stripes(lambda k: made.photo, names(5), made.photo)
 
 
+@pytest.mark.slow
 def test_overexposed_is_a_sentence(swept):
     made, frames = swept
     full = [np.where(frame > made.photo + 10.0, 255, frame).astype(np.uint8) for frame in frames[20:29]]
@@ -153,6 +160,7 @@ def test_overexposed_is_a_sentence(swept):
         sweep_stripes(full.__getitem__, names(9), made.photo)
 
 
+@pytest.mark.slow
 def test_sizes_and_kinds_must_agree(swept):
     made, frames = swept
     with pytest.raises(InputError, match=r"003.png is 480 x 600 pixels, the laser-off photo 480 x 640"):
@@ -161,6 +169,7 @@ def test_sizes_and_kinds_must_agree(swept):
         sweep_stripes(lambda k: frames[k].astype(np.uint16), names(5), made.photo)
 
 
+@pytest.mark.slow
 def test_another_camera_is_a_sentence(swept):
     made, _ = swept
     smaller = replace(made.camera, shape_rc=(480, 640))
@@ -171,6 +180,7 @@ def test_another_camera_is_a_sentence(swept):
         from_laser(stripes(swept), names(), made.photo, behind, made.planes)
 
 
+@pytest.mark.slow
 def test_the_command_makes_a_scan_that_restore_takes(swept, tmp_path, capsys):
     made, frames = swept
     known = np.ones(made.camera.shape_rc, bool)
@@ -243,6 +253,7 @@ def test_a_bad_file_of_planes_is_a_sentence(tmp_path, told, sentence):
         read_sweep(written(tmp_path, told), names(2))
 
 
+@pytest.mark.slow
 def test_a_camera_is_needed_for_nothing_but_its_numbers():
     """A plane before the camera is met where geometry has it."""
     camera = Camera(np.diag([100.0, 100, 1]), np.eye(3), np.zeros(3), (20, 40))

@@ -62,6 +62,7 @@ class TestKernels:
         np.testing.assert_allclose(x, slow_x, atol=1e-10)
         np.testing.assert_allclose(v, slow_v, atol=1e-8)
 
+    @pytest.mark.slow
     def test_an_explicit_step_moves_before_it_speeds_up(self):
         assert alone(1.0, 0.0, gravity=9.81, time_step=0.1) == pytest.approx((1.0, -0.981))
 
@@ -186,6 +187,7 @@ class TestLattice:
         pairs = lattice_springs(lattice, "unfolded").pairs
         assert np.abs(np.diff(lattice.coarse.mesh.points[pairs][..., 2], axis=1)).max() < 1e-3  # weights are float32
 
+    @pytest.mark.slow
     @settings(max_examples=40)
     @given(st.lists(st.booleans(), min_size=144, max_size=144), st.integers(4, 400))
     def test_whatever_is_missing_faces_lie_printed_side_up_and_no_node_is_lonely(self, kept, count):

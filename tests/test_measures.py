@@ -11,6 +11,7 @@ PAGE = UV * [1, -1]  # y runs down on the page
 POINTS = np.c_[UV, 0 * UV[:, :1]]
 
 
+@pytest.mark.slow
 def test_a_perfect_page_has_no_strain_no_stretch_and_no_flips():
     edges = topology(FACES, len(UV)).edges
     rest = np.linalg.norm(POINTS[edges[:, 1]] - POINTS[edges[:, 0]], axis=1)

@@ -85,6 +85,7 @@ def refused_and_taken(only, free, work, sentence):
     work()
 
 
+@pytest.mark.slow
 def test_a_mesh_that_does_not_fit(only, tmp_path):
     path = write_scan(tmp_path / "sheet.ply", Scan(SCAN.mesh))[0]
     size = path.stat().st_size
@@ -99,6 +100,7 @@ def test_a_photo_that_does_not_fit(only, dtype, per_pixel):
     refused_and_taken(only, per_pixel * 150 * 200, lambda: decode_photo("photo", data), "give a smaller photo")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("dtype", "per_pixel"), [(np.uint8, 16), (np.uint16, 22)])
 def test_a_page_that_does_not_fit(only, dtype, per_pixel):
     scan = sheet_scan(photo=picture(dtype=dtype))

@@ -75,6 +75,7 @@ class TestEnergy:
         self.xy = uv + np.random.default_rng(0).normal(0, 3, uv.shape)
         self.sticks = sticks_of(uv, faces, topology(faces, len(uv)))
 
+    @pytest.mark.slow
     def test_it_is_what_the_formula_says(self):
         with thread_pool() as parallel_for:
             value, gradient = energy(make_net(self.sticks, parallel_for), self.xy, parallel_for)
@@ -100,6 +101,7 @@ class TestEnergy:
         assert (gradient == 0).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("outline", [None, "c"])
 def test_the_preconditioner_is_symmetric_and_near_the_inverse_of_the_hessian(outline):
     _, _, sticks, truth = known("flat", 400 if outline is None else 800, error=0.0, layout="grid", outline=outline)
@@ -119,6 +121,7 @@ def test_the_preconditioner_is_symmetric_and_near_the_inverse_of_the_hessian(out
     assert product[-1] / product[0] < (18 if outline is None else 35)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("outline", [None, "c", "ring", "comb"])
 def test_the_minimum_is_that_of_newton_with_the_whole_matrix(outline):
     mesh, found, sticks, _ = known("book", 6000, error=1e-3, outline=outline)
@@ -281,6 +284,7 @@ class TestWhatCannotLieFlat:
         assert relax(mesh, found, sticks, MultigridSettings(max_steps=2)).outcome is Outcome.OUT_OF_STEPS
 
 
+@pytest.mark.slow
 def test_a_random_mesh_lies_as_true_as_its_noise_along_the_sheet_lets_it():
     """Noise of 0.1 mm in all directions puts every point 0.14 mm off along the sheet, and turns faces over."""
     mesh, truth_xy = sheet_mesh(sheet("wave"), 60_000, layout="delaunay", noise_mm=0.1)
@@ -309,6 +313,7 @@ class TestUntangle:
         calm = np.setdiff1d(np.arange(900), self.faces[near])
         np.testing.assert_array_equal(mended[calm], xy[calm])
 
+    @pytest.mark.slow
     def test_a_knot_that_single_points_cannot_undo_is_loosened(self):
         xy = self.uv.copy()
         inside = np.abs(xy - xy.mean(axis=0)).max(axis=1) < 25
@@ -364,6 +369,7 @@ class TestOverlaps:
         assert overlaps(faces, uv, found) == overlaps(faces, uv * UP, found) == 0
 
 
+@pytest.mark.slow
 def test_random_small_sheets_end_finite_in_time_and_without_a_silent_flip():
     names = ["flat", "book", "spread", "letter", "curl", "wave", "miura", "roll", "crumpled"]
     ends = []

@@ -46,6 +46,7 @@ def metadata(built):
         return message_from_bytes(packed.read(name))
 
 
+@pytest.mark.slow
 def test_the_source_distribution_makes_the_same_wheel_byte_for_byte(built):
     _, from_sdist, from_tree = built
     assert from_sdist.name == from_tree.name

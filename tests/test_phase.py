@@ -86,6 +86,7 @@ def test_the_finest_stripes_are_not_needed(shown):
         find_correspondence(blurred, SHAPE)
 
 
+@pytest.mark.slow
 def test_places_are_true_to_the_noise(capture):
     _, made, true, on_sheet, _ = capture
     code, waves = split(made.frames, PROJECTOR)
@@ -96,6 +97,7 @@ def test_places_are_true_to_the_noise(capture):
     assert np.isfinite(found.projector_xy[on_sheet]).mean() > 0.99
 
 
+@pytest.mark.slow
 def test_waves_halve_the_error_where_stripes_are_fine(capture):
     rig, made, _, on_sheet, seen = capture
     code, _ = split(made.frames, PROJECTOR)
@@ -108,6 +110,7 @@ def test_waves_halve_the_error_where_stripes_are_fine(capture):
     assert off[1] < 0.6 * off[0]
 
 
+@pytest.mark.slow
 def test_a_bright_camera_curve_does_no_harm(capture):
     """Photos in sRGB: 8 steps cancel the overtones of the curve, and finest stripes may blur to light grey."""
     _, made, true, on_sheet, _ = capture
@@ -118,6 +121,7 @@ def test_a_bright_camera_curve_does_no_harm(capture):
     assert off[0] < off[1] + 0.02
 
 
+@pytest.mark.slow
 def test_out_of_focus(capture):
     _, made, true, on_sheet, _ = capture
     soft = np.stack([ndimage.gaussian_filter(frame, 2.0) for frame in made.frames])

@@ -155,6 +155,7 @@ def book():
     return photo_of("book", tilt_deg=8.0)
 
 
+@pytest.mark.slow
 def test_a_book_page_from_its_text_and_borders(book):
     found = find_shape(book.scan.photo, focal_px=float(book.scan.camera.matrix[0, 0]))
     assert found.report.shape == "text-lines and borders"
@@ -164,6 +165,7 @@ def test_a_book_page_from_its_text_and_borders(book):
     assert found.report.confidence.endswith("extrapolated.")
 
 
+@pytest.mark.slow
 def test_a_book_page_from_its_text_alone(book):
     found = find_shape(book.scan.photo, PhotoSettings(shape="text-lines"))
     assert found.report.shape == "text-lines"
@@ -173,6 +175,7 @@ def test_a_book_page_from_its_text_alone(book):
     assert np.isfinite(mesh.points).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("quarters", [1, 2])
 def test_text_is_found_any_way_round(book, quarters):
     rotated = np.ascontiguousarray(np.rot90(book.scan.photo, quarters))
@@ -183,6 +186,7 @@ def test_text_is_found_any_way_round(book, quarters):
     assert way @ along > 0.95
 
 
+@pytest.mark.slow
 def test_the_page_of_a_turned_photo_stands_upright(book):
     upside_down = np.ascontiguousarray(np.rot90(book.scan.photo, 2))
     found = find_shape(upside_down)
@@ -191,6 +195,7 @@ def test_the_page_of_a_turned_photo_stands_upright(book):
     assert found.scan.photo_xy[top, 1].mean() > found.scan.photo_xy[~top, 1].mean()
 
 
+@pytest.mark.slow
 def test_known_paper_puts_size_and_proportions_right(book):
     found = find_shape(book.scan.photo, PhotoSettings(paper="letter"))
     size = np.ptp(flat_of(found.scan.mesh), axis=0)
@@ -199,23 +204,27 @@ def test_known_paper_puts_size_and_proportions_right(book):
     assert not any(warning.code == "size-unknown" for warning in found.warnings)
 
 
+@pytest.mark.slow
 def test_a_known_width_sets_the_scale(book):
     found = find_shape(book.scan.photo, PhotoSettings(width_mm=100))
     assert np.ptp(flat_of(found.scan.mesh), axis=0)[0] == pytest.approx(100, rel=0.002)
     assert found.report.scale == "width"
 
 
+@pytest.mark.slow
 def test_without_either_the_scale_is_unknown(book):
     found = find_shape(book.scan.photo)
     assert found.report.scale == "unknown"
     assert any(warning.code == "size-unknown" for warning in found.warnings)
 
 
+@pytest.mark.slow
 def test_a_crumpled_sheet_is_warned_about():
     found = find_shape(photo_of("crumpled").scan.photo)
     assert any("folded or crumpled" in warning.sentence for warning in found.warnings)
 
 
+@pytest.mark.slow
 def test_a_flat_sheet_is_not_warned_about():
     found = find_shape(photo_of("flat", tilt_deg=15.0).scan.photo, PhotoSettings(paper="letter"))
     assert found.warnings == ()
@@ -245,6 +254,7 @@ FOLDS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fold", FOLDS)
 def test_the_length_of_a_fold_is_seen_in_the_shade_of_its_paper(fold):
     light, least, most = FOLDS[fold]
@@ -266,6 +276,7 @@ NO_FOLDS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("what", NO_FOLDS)
 def test_what_is_no_fold_is_not_taken_for_one(what):
     light, how = NO_FOLDS[what]
@@ -301,6 +312,7 @@ def test_what_is_no_page_is_refused_in_a_sentence(what):
         find_shape(NO_PAGES[what](np.random.default_rng(0)))
 
 
+@pytest.mark.slow
 def test_a_blank_sheet_on_a_table_is_found_by_its_borders():
     photo = np.full((1200, 900, 3), 60, np.uint8)
     cv2.fillConvexPoly(photo, np.array([[150, 180], [700, 120], [780, 1000], [120, 1080]]), (235, 235, 230))
@@ -325,6 +337,7 @@ def test_a_sheet_with_a_corner_at_the_rim_of_the_photo_is_seen_whole():
     assert away.max() < 0.05 * 1400  # sides leave out 3 % at their ends
 
 
+@pytest.mark.slow
 def test_paper_size_without_borders_is_refused(book):
     inner = book.scan.photo[400:1500, 300:1200]
     with pytest.raises(UsageError, match="does not show all borders"):
@@ -338,6 +351,7 @@ def test_width_and_paper_contradict_each_other():
         PhotoSettings(width_mm=0)
 
 
+@pytest.mark.slow
 def test_sixteen_bit_photos_give_the_same_shape(book):
     eight = find_shape(book.scan.photo)
     sixteen = find_shape(book.scan.photo.astype(np.uint16) * 257)
@@ -364,6 +378,7 @@ def profile_off_mm(made, found):
     return np.sqrt(((a @ u @ turn @ vt * scale - b) ** 2).sum(1).mean())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("picture", [False, True])
 def test_the_profile_of_a_book_from_its_shade(picture):
     shape = sheet("book")
@@ -381,11 +396,13 @@ def test_a_folded_letter_is_refused_to_shading():
         find_shape(photo_of("letter").scan.photo, PhotoSettings(shape="shading"))
 
 
+@pytest.mark.slow
 def test_shading_needs_the_whole_sheet(book):
     with pytest.raises(InputError, match="no outline of a sheet"):
         find_shape(book.scan.photo[400:1500, 300:1200], PhotoSettings(shape="shading"))
 
 
+@pytest.mark.slow
 def test_polynomials_straighten_lines_and_nothing_more(book):
     photo, focal = book.scan.photo, float(book.scan.camera.matrix[0, 0])
     by_polynomials = find_shape(photo, PhotoSettings(shape="polynomial"), focal_px=focal)

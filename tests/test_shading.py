@@ -88,6 +88,7 @@ def shape():
 # --- what it is for -------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_paper_becomes_even_and_just_white(sheet, shape):
     paper, blank = text(shape)
     page = photographed(paper)
@@ -148,6 +149,7 @@ def test_coloured_paper_stays_coloured(sheet, shape):
     assert np.ptp(np.quantile(blue, [0.1, 0.9])) < 0.02
 
 
+@pytest.mark.slow
 def test_ink_becomes_black_and_faint_print_does_not(sheet, shape):
     dark, pale = text(shape, ink=0.05)[0], text(shape, ink=0.3)[0]
     core = [ndimage.binary_erosion(p < 1, np.ones((3, 1))) for p in (dark, pale)]
@@ -157,6 +159,7 @@ def test_ink_becomes_black_and_faint_print_does_not(sheet, shape):
     assert np.median(linear_light(256)[faint]) == pytest.approx(0.3, abs=0.02)
 
 
+@pytest.mark.slow
 def test_clipped_pixels_are_marked_and_not_believed(sheet, shape):
     paper, blank = text(shape)
     page = photographed(paper, exposure=1.4)
@@ -332,6 +335,7 @@ def test_a_page_without_quiet_paper_falls_back_and_says_so(sheet, shape):
     assert "too little blank paper" in made.fit.warnings[0].sentence
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["geometry", "background"])
 def test_sixteen_bits_grey_and_colour_agree(sheet, shape, method):
     paper, _ = text(shape)
@@ -344,6 +348,7 @@ def test_sixteen_bits_grey_and_colour_agree(sheet, shape, method):
     assert np.abs(found[0][..., 0].astype(int) - found[1].astype(int)).max() <= 64
 
 
+@pytest.mark.slow
 def test_exposure_does_not_matter(sheet, shape):
     paper, blank = text(shape)
     found = [np.asarray(remove_shading(photographed(paper, exposure=e), *sheet).page.pixels) for e in (0.3, 0.7)]

@@ -70,6 +70,7 @@ class TestPillow:
 
 
 class TestXarray:
+    @pytest.mark.slow
     def test_places_are_pixel_centres_in_millimetres(self, kind):
         pixels, _ = kind
         made = page_of(pixels).to_xarray()
@@ -97,6 +98,7 @@ class TestNotebook:
         grey = large.mean() * {np.dtype(bool): 255.0, np.dtype(np.uint16): 1 / 257}.get(large.dtype, 1.0)
         assert np.asarray(shown.convert("L")).mean() == pytest.approx(grey, abs=1.5)
 
+    @pytest.mark.slow
     def test_a_restoration_shows_its_page_and_its_figures(self, done):
         html = done._repr_html_()
         picture = Image.open(BytesIO(b64decode(html.split("base64,")[1].split('"')[0])))

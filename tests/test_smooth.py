@@ -105,6 +105,7 @@ def test_edges_across_a_clean_fold_go_over_the_paper_not_through_the_air(name):
     assert worst_bias(lengths(mesh, topo).rest, truth_xy, topo) < worst_bias(raw, truth_xy, topo) / 4
 
 
+@pytest.mark.slow
 def test_a_folded_sheet_with_points_on_its_folds_is_left_alone():
     uv, faces = grid(31, 21, width=100.0, height=150.0)
     x, ridge = uv[:, 0], np.abs((uv[:, 0] / 10) % 2 - 1)  # pleats 10 mm wide; every other column lies on a fold
@@ -223,6 +224,7 @@ def test_smooth_normals_are_true_and_stay_sharp_at_folds(name):
 # ------------------------------------------------------------------ invariance
 
 
+@pytest.mark.slow
 @settings(max_examples=4)
 @given(turn=st.floats(0, 6.3), shift=st.floats(-1e4, 1e4), scale=st.sampled_from([0.25, 1.0, 3.0]))
 def test_where_the_scanner_stood_and_its_unit_do_not_matter(turn, shift, scale):
@@ -238,6 +240,7 @@ def test_where_the_scanner_stood_and_its_unit_do_not_matter(turn, shift, scale):
     assert there.typical_noise_mm == pytest.approx(scale * here.typical_noise_mm, rel=0.01)
 
 
+@pytest.mark.slow
 def test_neither_the_points_order_nor_the_faces_side_matters():
     mesh, _, topo = with_noise("letter", 0.07, white)
     rng = np.random.default_rng(1)

@@ -118,6 +118,7 @@ def test_one_line_across_is_enough():
     assert find_gutter(mesh, page_xy, page_of(np.full((1240, 1748, 3), 255)), always=False) is not None
 
 
+@pytest.mark.slow
 def test_without_a_valley_the_gutter_of_the_print_is_cut_if_so_asked():
     _, mesh, page_xy = bent("flat", width_mm=296.0, height_mm=210.0)
     page = two_columns_across()
@@ -161,6 +162,7 @@ def restored(scan, **settings):
     return planish.restore(scan, RestoreSettings(render=RenderSettings(dpi=100.0), **settings))
 
 
+@pytest.mark.slow
 def test_a_spread_comes_out_as_two_pages(spread):
     done = restored(spread.scan, pages="2")
     parts = done.report.pages
@@ -178,6 +180,7 @@ def test_unasked_a_sheet_stays_whole():
     assert RestoreSettings().pages == "1"
 
 
+@pytest.mark.slow
 def test_a_blank_spread_is_turned_by_its_spine(spread):
     """No text tells which way is up; the photo's top does, though the long side lies."""
     blank = page_of(np.full((1240, 1748, 3), 255, np.uint8)), ""
@@ -188,6 +191,7 @@ def test_a_blank_spread_is_turned_by_its_spine(spread):
     assert len(done.report.pages) == 2
 
 
+@pytest.mark.slow
 def test_a_letter_is_not_split_and_that_is_said():
     made = virtual_scan(sheet("letter"), points=4000, photo_px=(1000, 750))
     done = restored(made.scan, pages="auto")

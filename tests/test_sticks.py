@@ -74,6 +74,7 @@ def unfolded_in_space(points, edges, corners):
     return np.hypot(x[:, 0] - x[:, 1], h.sum(axis=1))
 
 
+@pytest.mark.slow
 @given(seed=st.integers(0, 10_000))
 def test_unfolding_from_lengths_is_unfolding_in_space(seed):
     rng = np.random.default_rng(seed)

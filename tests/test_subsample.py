@@ -44,6 +44,7 @@ def test_a_fold_is_sampled_along_its_line():
     assert on_fold.sum() > 0.7 * 200 / apart
 
 
+@pytest.mark.slow
 def test_carrying_a_bent_sheet_back_is_exact_at_the_coarse_points_and_close_between():
     uv, faces = grid(120, 90)
     points = arch(uv)
