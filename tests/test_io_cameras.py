@@ -107,7 +107,6 @@ def without(key):
         ("{}", "holds no camera"),
         (without("image_size"), "holds no camera"),
         (without("matrix"), "does not say “fx”"),
-        (OWN | {"distorsion": [1]}, "“distorsion”, which is not known"),
         (OWN | {"image_size": [640]}, "“image_size” has 1 numbers; 2 are wanted"),
         (OWN | {"image_size": [640, 0]}, "640 x 0 pixels"),
         (OWN | {"image_size": [640, 480.5]}, "whole numbers"),

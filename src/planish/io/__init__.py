@@ -1,6 +1,6 @@
 """Files to and from the types: scans, photos, cameras, pages, flat meshes, reports."""
 
-from planish.io.cameras import read_camera
+from planish.io.cameras import read_camera, scaled_camera
 from planish.io.captures import image_files, read_captures
 from planish.io.clouds import read_cloud
 from planish.io.depths import read_depths
@@ -36,6 +36,7 @@ __all__ = [
     "read_depths",
     "read_photo",
     "read_scan",
+    "scaled_camera",
     "text_layer",
     "way_up",
     "write_bytes",

@@ -1,4 +1,4 @@
-"""Cameras from JSON and to JSON: planish's own form, 3 x 4 matrices, and a camera that looks straight down."""
+"""Cameras from files and to JSON: planish's own form, 3 x 4 matrices, a camera that looks straight down, and others."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from planish.errors import InputError
 from planish.geometry.guards import SINGULAR
 from planish.geometry.rigid_fit import nearest_rotation
 from planish.io.files import read_bytes
-from planish.types import Camera, Floats
+from planish.io.foreign_cameras import read_other_text, translate_json
+from planish.types import Camera, Diagnostic, Floats
 
 _KEYS = {
     "cameras": {"cameras", "note"},
@@ -35,7 +36,14 @@ _NOT_ORTHOGONAL = 1e-3
 _LARGEST_SIDE = 2**20
 
 
-def read_camera(path: str | Path, photo_name: str | None = None, *, mm_per_unit: float = 1.0) -> Camera:
+def read_camera(
+    path: str | Path,
+    photo_name: str | None = None,
+    *,
+    mm_per_unit: float = 1.0,
+    photo_shape: tuple[int, int] | None = None,
+    warnings: list[Diagnostic] | None = None,
+) -> Camera:
     """Read a camera.
 
     Parameters
@@ -50,15 +58,22 @@ def read_camera(path: str | Path, photo_name: str | None = None, *, mm_per_unit:
         - ``{"focal_px", "width", "height", "cam": [x, y, z]}``: it looks along -z from (x, -y, z), so that cam has y
           down as the photo; the principal point is the middle of the photo;
         - ``{"cameras": {photo file name: camera}}``, each in one of the forms above.
+
+        Also what other programs write: JSON of Open3D, ROS, RealSense and Polycam, YAML and XML of OpenCV and ROS,
+        COLMAP's cameras.txt and images.txt, Metashape's XML (docs/formats.md).
     photo_name : str, optional
         File name of the photo, to choose among several by.
     mm_per_unit : float
         Of the lengths in the file, which are in the unit of the mesh.
+    photo_shape : (int, int), optional
+        Rows and columns of the photo, for files that do not tell them.
+    warnings : list of Diagnostic, optional
+        Gets a warning on keys that are not known.
 
     Raises
     ------
     InputError
-        If the file is no such JSON, holds no possible camera, or none for that photo.
+        If the file is none of these, holds no possible camera, or none for that photo.
 
     Examples
     --------
@@ -70,39 +85,78 @@ def read_camera(path: str | Path, photo_name: str | None = None, *, mm_per_unit:
     (480, 640)
     """
     path = Path(path)
-    return _camera(path, _json_object(path), photo_name, mm_per_unit)
+    told = _read(path, photo_name)
+    return _camera(path, told, photo_name, mm_per_unit, photo_shape, [] if warnings is None else warnings)
+
+
+def scaled_camera(camera: Camera, shape_rc: tuple[int, int]) -> Camera | None:
+    """The camera for a photo that is larger or smaller by the same factor both ways; None where it is not.
+
+    Examples
+    --------
+    >>> camera = Camera(np.array([[800.0, 0, 319.5], [0, 800, 239.5], [0, 0, 1]]), np.eye(3), np.zeros(3), (480, 640))
+    >>> scaled_camera(camera, (960, 1280)).matrix.tolist()
+    [[1600.0, 0.0, 639.5], [0.0, 1600.0, 479.5], [0.0, 0.0, 1.0]]
+    >>> scaled_camera(camera, (960, 1000)) is None
+    True
+    """
+    (rows, cols), (height, width) = camera.shape_rc, shape_rc
+    if abs(cols * height - rows * width) > max(rows, cols):  # a pixel of rounding either way
+        return None
+    across, down = width / cols, height / rows
+    matrix = camera.matrix.copy()
+    matrix[0] *= across
+    matrix[1] *= down
+    matrix[:2, 2] += (np.array([across, down]) - 1) / 2  # pixel centres lie at integers
+    return Camera(matrix, camera.rotation, camera.translation, shape_rc, camera.distortion)
 
 
 def camera_from_json(path: str | Path, told: object) -> Camera:
     """A camera that is part of another file, in mm; `path` is for messages."""
     if not isinstance(told, dict):
         raise InputError(f"{path} holds no camera: a JSON object with its numbers is wanted")
-    return _camera(Path(path), told, None, 1.0)
+    return _camera(Path(path), told, None, 1.0, None, [])
 
 
 def holds_many(path: str | Path) -> bool:
     """Whether a camera file has a camera for each of several photos, by their names."""
-    told = _json_object(Path(path))
+    told = _read(Path(path), None)
     return "cameras" in told or isinstance(told.get("P"), dict)
 
 
-def _camera(path: Path, told: dict[str, Any], photo_name: str | None, mm_per_unit: float) -> Camera:
+def _camera(
+    path: Path,
+    told: dict[str, Any],
+    photo_name: str | None,
+    mm_per_unit: float,
+    photo_shape: tuple[int, int] | None,
+    warnings: list[Diagnostic],
+) -> Camera:
     form = next((key for key in _KEYS if key in told), None)
+    foreign = form is None or (form == "P" and not told.keys() <= _KEYS["P"])
+    translated = translate_json(path, told) if foreign or form == "image_size" else None
+    if translated is not None:
+        _note_unknown(path, told.keys() - translated[1] - _KEYS["image_size"], warnings)
+        return _own_form(path, translated[0], mm_per_unit, photo_shape)
     if form is None:
         raise InputError(f"{path} holds no camera: it has none of {', '.join(_KEYS)} (docs/formats.md shows the forms)")
-    unknown = sorted(told.keys() - _KEYS[form])
-    if unknown:
-        raise InputError(f"{path} has “{unknown[0]}”, which is not known; known are {', '.join(sorted(_KEYS[form]))}")
+    _note_unknown(path, told.keys() - _KEYS[form], warnings)
     if form == "cameras":
         one = _named(path, "cameras", told["cameras"], photo_name)
         if not isinstance(one, dict) or "cameras" in one:
             raise InputError(f"{path}: each of “cameras” must be a camera (docs/formats.md shows the forms)")
-        return _camera(path, one, photo_name, mm_per_unit)
+        return _camera(path, one, photo_name, mm_per_unit, photo_shape, warnings)
     if form == "P":
         return _from_projection(path, _projection(path, told["P"], photo_name), _size(path, told), mm_per_unit)
     if form == "focal_px":
         return _straight_down(path, told, mm_per_unit)
-    return _own_form(path, told, mm_per_unit)
+    return _own_form(path, told, mm_per_unit, photo_shape)
+
+
+def _note_unknown(path: Path, unknown: set[str], warnings: list[Diagnostic]) -> None:
+    if unknown:
+        named = ", ".join(f"“{key[:30]}”" for key in sorted(unknown)[:5]) + (" and more" if len(unknown) > 5 else "")
+        warnings.append(Diagnostic("camera-keys-unknown", f"{path} has {named}, which planish does not know"))
 
 
 def camera_as_json(camera: Camera, *, mm_per_unit: float = 1.0) -> dict[str, Any]:
@@ -117,8 +171,12 @@ def camera_as_json(camera: Camera, *, mm_per_unit: float = 1.0) -> dict[str, Any
     }
 
 
-def _json_object(path: Path) -> dict[str, Any]:
+def _read(path: Path, photo_name: str | None) -> dict[str, Any]:
+    """The JSON of a camera file, or what another format holds as such."""
     data = read_bytes(path)
+    other = None if data.lstrip()[:1] in (b"{", b"[") else read_other_text(path, data, photo_name)
+    if other is not None:
+        return other
     try:
         told = json.loads(data)
     except (ValueError, RecursionError) as problem:  # ValueError: no JSON, or no text at all
@@ -143,8 +201,10 @@ def _numbers(path: Path, name: str, value: object, *shapes: tuple[int, ...]) -> 
     return array
 
 
-def _size(path: Path, told: dict[str, Any]) -> tuple[int, int]:
+def _size(path: Path, told: dict[str, Any], photo_shape: tuple[int, int] | None = None) -> tuple[int, int]:
     """Rows and columns of the photo."""
+    if "image_size" not in told and photo_shape is not None:
+        return photo_shape
     if "image_size" not in told:
         raise InputError(f"{path} does not say “image_size”: [width, height] of the photo in pixels")
     width, height = _numbers(path, "image_size", told["image_size"], (2,))
@@ -161,7 +221,7 @@ def _rows_and_columns(path: Path, width: float, height: float) -> tuple[int, int
     return int(height), int(width)
 
 
-def _own_form(path: Path, told: dict[str, Any], mm_per_unit: float) -> Camera:
+def _own_form(path: Path, told: dict[str, Any], mm_per_unit: float, photo_shape: tuple[int, int] | None) -> Camera:
     if "matrix" in told:
         matrix = _numbers(path, "matrix", told["matrix"], (3, 3))
         if not (matrix[2] == [0, 0, 1]).all() or matrix[1, 0] != 0:
@@ -178,7 +238,9 @@ def _own_form(path: Path, told: dict[str, Any], mm_per_unit: float) -> Camera:
         )
     distortion = _numbers(path, "distortion", told.get("distortion", []), *((n,) for n in _DISTORTION_LENGTHS))
     translation = _numbers(path, "translation", told.get("translation", [0, 0, 0]), (3,)) * mm_per_unit
-    return Camera(matrix, _rotation(path, told), translation, _size(path, told), distortion)
+    if "translation_mm" in told:
+        translation = _numbers(path, "translation", told["translation_mm"], (3,))
+    return Camera(matrix, _rotation(path, told), translation, _size(path, told, photo_shape), distortion)
 
 
 def _rotation(path: Path, told: dict[str, Any]) -> Floats:

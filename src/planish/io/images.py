@@ -137,6 +137,15 @@ def decode_photo(name: str, data: bytes, *, upright: bool = False) -> Photo:
     return Photo(np.ascontiguousarray(pixels), icc, warnings)
 
 
+def stored_shape(source: Path | bytes) -> tuple[int, int] | None:
+    """Rows and columns of an image by its header alone; None where that does not tell."""
+    try:
+        with suppress_stderr(), Image.open(io.BytesIO(source) if isinstance(source, bytes) else source) as image:
+            return image.height, image.width
+    except Exception:  # decoders raise nearly every class there is; who reads the image itself says what is wrong
+        return None
+
+
 def decode_grid(name: str, data: bytes, kind: Literal["TIFF", "PNG"] = "TIFF") -> NDArray:
     """Read the numbers of a TIFF or PNG as they are: (rows, cols) or (rows, cols, channels), any type.
 

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from planish.errors import InputError
 from planish.geometry import depths
-from planish.io.cameras import read_camera
+from planish.io.cameras import read_camera, scaled_camera
 from planish.io.filemesh import FileMesh
-from planish.io.images import Photo
+from planish.io.images import Photo, stored_shape
 from planish.io.meshes import read_mesh
 from planish.io.polygons import Polygons, triangulate
 from planish.io.scan_photos import decode_image, only_image, places_on_photo, read_textures
@@ -90,7 +90,7 @@ def read_scan(
     points = found.points * scale
     triangles = triangulate(points, found.polygons)
     mesh = Mesh(points, found.polygons.corners[triangles])
-    seen_from = _camera_of(seen_by, _photo_name(found, main), points, scale)
+    seen_from = _camera_of(seen_by, _photo_name(found, main), main or found.texture, points, scale, warnings)
     shown = _shown(path, found, main, seen_by, seen_from, triangles, warnings)
     others = [
         _view(path, found, one, where, points, scale, shown.icc, warnings)
@@ -100,7 +100,7 @@ def read_scan(
         mesh,
         photo=shown.photo,
         photo_xy=shown.photo_xy,
-        camera=seen_from,
+        camera=shown.camera,
         icc=shown.icc,
         others=tuple(others),
         textures=shown.textures,
@@ -125,6 +125,7 @@ class _Shown:
     textures: tuple[Texture, ...] = ()
     texture_of_face: Ints | None = None
     files: Sequence[Path] = ()
+    camera: Camera | None = None
 
     @property
     def nothing(self) -> bool:
@@ -156,8 +157,8 @@ def _shown(
     source = found.texture if main is None else main
     picture = _picture(path, source, seen_from, warnings, must=main is not None)
     if picture is None or source is None:
-        return _Shown()
-    _check_same_size(seen_by, seen_from, source, picture)
+        return _Shown(camera=seen_from)
+    seen_from = _of_same_size(seen_by, seen_from, source, picture, warnings)
     number = next((k for k in images.shown if main is not None and _same_file(images.files[k], main)), None)
     photo_xy = None
     if seen_from is None or main is None or number is not None:
@@ -176,7 +177,9 @@ def _shown(
             f"{path} has no texture coordinates, so nothing tells where its points lie on the photo",
             "give {camera}",
         )
-    return _Shown(picture.pixels, photo_xy, picture.icc, files=[] if isinstance(source, bytes) else [source])
+    return _Shown(
+        picture.pixels, photo_xy, picture.icc, files=[] if isinstance(source, bytes) else [source], camera=seen_from
+    )
 
 
 def _used(found: FileMesh) -> Floats:
@@ -186,10 +189,18 @@ def _used(found: FileMesh) -> Floats:
     return found.points[used]
 
 
-def _camera_of(path: Path | None, photo_name: str | None, points: Floats, mm_per_unit: float) -> Camera | None:
+def _camera_of(
+    path: Path | None,
+    photo_name: str | None,
+    photo: Image | None,
+    points: Floats,
+    mm_per_unit: float,
+    warnings: list[Diagnostic],
+) -> Camera | None:
     if path is None:
         return None
-    camera = read_camera(path, photo_name, mm_per_unit=mm_per_unit)
+    photo_shape = None if photo is None else stored_shape(photo)
+    camera = read_camera(path, photo_name, mm_per_unit=mm_per_unit, photo_shape=photo_shape, warnings=warnings)
     _check_in_front(path, camera, points)
     return camera
 
@@ -205,11 +216,12 @@ def _view(
     warnings: list[Diagnostic],
 ) -> View:
     """A further photo and its camera; `icc` is the colour profile of the main one."""
-    camera = _camera_of(seen_by, photo.name, points, mm_per_unit)
+    camera = _camera_of(seen_by, photo.name, photo, points, mm_per_unit, warnings)
     picture = _picture(path, photo, camera, warnings, must=True)
     assert camera is not None
     assert picture is not None
-    _check_same_size(seen_by, camera, photo, picture)
+    camera = _of_same_size(seen_by, camera, photo, picture, warnings)
+    assert camera is not None
     if picture.icc != icc:
         warnings.append(
             Diagnostic(
@@ -259,9 +271,18 @@ def _check_in_front(path: str | Path, camera: Camera, points: Floats) -> None:
         )
 
 
-def _check_same_size(path: Path | None, camera: Camera | None, source: Image, picture: Photo) -> None:
+def _of_same_size(
+    path: Path | None, camera: Camera | None, source: Image, picture: Photo, warnings: list[Diagnostic]
+) -> Camera | None:
+    """The camera for the photo's size: scaled where the sizes differ by one factor, else refused."""
     if camera is None or picture.pixels.shape[:2] == camera.shape_rc:
-        return
+        return camera
+    scaled = scaled_camera(camera, picture.pixels.shape[:2])
+    if scaled is not None:
+        factor = scaled.shape_rc[1] / camera.shape_rc[1]
+        sentence = f"{path} is for a photo of another size; its numbers were multiplied by {factor:.4g}"
+        warnings.append(Diagnostic("camera-scaled", sentence))
+        return scaled
     name = "the texture" if isinstance(source, bytes) else str(source)
     (rows, cols), (wanted_rows, wanted_cols) = picture.pixels.shape[:2], camera.shape_rc
     raise InputError(

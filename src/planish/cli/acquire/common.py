@@ -72,18 +72,18 @@ def read_optional_photo(
 ) -> tuple[Pixels | None, Camera | None, list[Diagnostic]]:
     """Read the optional photo of a point cloud: pixels, camera, and warnings."""
     from planish.errors import UsageError
-    from planish.io import read_camera, read_photo
+    from planish.io import read_camera, read_photo, scaled_camera
 
     if photo is None:
         if camera is not None:
             raise UsageError("--camera is the camera of a photo; give the photo with --photo")
         return None, None, []
     photo_image = read_photo(photo)
-    return (
-        photo_image.pixels,
-        read_camera(camera, photo.name, mm_per_unit=mm_per_unit) if camera else None,
-        photo_image.warnings,
-    )
+    warnings, shape_rc = list(photo_image.warnings), photo_image.pixels.shape[:2]
+    if camera is None:
+        return photo_image.pixels, None, warnings
+    taken_by = read_camera(camera, photo.name, mm_per_unit=mm_per_unit, photo_shape=shape_rc, warnings=warnings)
+    return photo_image.pixels, scaled_camera(taken_by, shape_rc) or taken_by, warnings
 
 
 def write_acquired(acquired: AcquiredScan, files: ScanFiles) -> list[Path]:

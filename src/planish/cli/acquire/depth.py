@@ -43,15 +43,20 @@ def depth(
     """
     from planish.acquire.range_image.depth import from_depth
     from planish.cli.console import progress_bar
-    from planish.io import read_camera, read_depths, read_photo
+    from planish.io import read_camera, read_depths, read_photo, scaled_camera
 
     check_scan_files(files)
     with progress_bar(quiet=files.quiet) as progress:
         progress("read", 0.0)
         frames, warnings = read_depths(depth_maps, scale)
-        depth_camera = read_camera(camera)
-        seen_from = read_camera(photo_camera) if photo_camera else None
         photo_image = read_photo(photo)
+        photo_shape = photo_image.pixels.shape[:2]
+        depth_camera = read_camera(camera, photo_shape=photo_shape, warnings=warnings)
+        depth_camera = scaled_camera(depth_camera, frames[0].shape) or depth_camera
+        seen_from = None
+        if photo_camera:
+            seen_from = read_camera(photo_camera, photo.name, photo_shape=photo_shape, warnings=warnings)
+            seen_from = scaled_camera(seen_from, photo_shape) or seen_from
         progress("acquire", 0.0)
         acquired = from_depth(frames, depth_camera, photo_image.pixels, seen_from, mask=sheet_mask(mask))
         progress("write", 0.0)
