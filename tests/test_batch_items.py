@@ -106,6 +106,7 @@ def test_a_list_as_csv(tmp_path):
     assert second.photo == (tmp_path / "p.jpg", tmp_path / "q.jpg")
     assert second.camera == (tmp_path / "c.json",)
     assert second.units == "cm"
+    assert listed(tmp_path, "scan,units\na.obj,7.91um\n")[0].units == "7.91um"
 
 
 def test_a_list_as_json_lines(tmp_path):

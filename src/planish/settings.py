@@ -1,6 +1,6 @@
-"""Every choice a user can make, once: one frozen dataclass per stage.
+"""Settings of all stages, one frozen dataclass each.
 
-Command-line flags, their help and the report are made from these.
+Command-line flags, their help, form fields and the report are generated from them.
 """
 
 from __future__ import annotations
@@ -28,28 +28,27 @@ PageKind = Literal["tif", "png", "jpg", "pdf"]
 
 @dataclass(frozen=True, kw_only=True)
 class VerletSettings:
-    """The simulation of the paper.
+    """The paper's particle simulation (Verlet integration).
 
     Attributes
     ----------
     time_step : float
-        dt of eq. (6) and (7). The paper's value; larger steps fall faster and settle worse.
+        dt of eq. (6) and (7). The default is the paper's; with larger steps sheets fall faster and settle worse.
     gravity : float
         g of eq. (2), towards the plane, with the median stick as unit of length.
     rounds : int
-        How often sticks and plane are made good, in turn, after each step. Fewer leave the sticks unsettled for
-        more steps; more make the sheet so stiff that gravity cannot press it down: with 40, sheets of 300 points
-        stop arched that settle with 20 (docs/design-notes.md has the table).
+        Constraint iterations per time step, each over sticks and plane. Fewer need more steps to settle; more make the
+        sheet too stiff for gravity: with 40, sheets of 300 points stall arched that settle with 20
+        (docs/design-notes.md has the table).
     max_steps : int
-        Give up after so many steps and say so.
+        Maximum number of time steps; reaching it is reported.
     tolerance : float
-        The sheet has settled when it lies on the plane and its sticks' rms relative error has changed by less than
-        this part of itself over the last 50 steps.
+        The sheet has settled when it lies on the plane and the rms relative error of its sticks has changed by less
+        than this fraction over the last 50 steps.
     self_collision : bool
-        Keep layers of a sheet that lies over itself apart while it falls. Without it they may pass through each
-        other, and the report counts the points that did.
+        Prevent layers of the sheet from passing through each other. Without it, the report counts the points that do.
     thickness_mm : float
-        How far apart, with self_collision.
+        Distance of the layers, with self_collision.
     """
 
     time_step: float = 0.1
@@ -69,15 +68,16 @@ class VerletSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class MultigridSettings:
-    """The solver for all points.
+    """The stick solver with multigrid preconditioner, for all points.
 
     Attributes
     ----------
     tolerance : float
-        The sheet is at rest when the next step would move its points by less than this part of the sheet's side,
-        rms: 0.0005 mm on a letter. What is left to the minimum is a few times as much.
+        Stop when the rms step is below this fraction of the sheet's side: 0.0005 mm on a letter-size page. The distance
+        to the minimum is a few times as large.
     max_steps : int
-        Give up after so many steps and say so. Sheets of paper take 0 to 25, surfaces that cannot lie flat more.
+        Maximum number of iterations; reaching it is reported. Sheets of paper take 0 to 25, surfaces that cannot be
+        flattened more.
     """
 
     tolerance: float = 2e-6
@@ -92,34 +92,34 @@ class MultigridSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class MassSpringSettings:
-    """The particle system of Brown & Seales, on a regular quad mesh: there to be compared with.
+    """The mass-spring system of Brown & Seales on a regular quad mesh, for comparison.
 
-    The unit of length is the median spring, that of time and mass as of gravity below: a free mass falls 4.9 springs
-    in the first unit of time.
+    The unit of length is the median spring; with the default gravity a free mass falls 4.9 springs in the first unit
+    of time.
 
     Attributes
     ----------
     time_step : float
-        dt of eq. (4) and (5), in units of time. Steps over damping * sqrt(mass / stiffness), 0.017 as it stands,
-        burst the net (docs/design-notes.md has the picture).
+        dt of eq. (4) and (5), in units of time. Steps above damping * sqrt(mass / stiffness), by default 0.017, are
+        unstable (docs/design-notes.md has the picture).
     stiffness : float
-        k of the springs: force per length. Stiffer springs keep their lengths better while the sheet falls, but hold
-        it up where it is folded, and need shorter steps.
+        Spring constant k: force per length. Stiffer springs keep their lengths better, but hold up folds and need
+        shorter steps.
     damping : float
-        Of the springs: force per speed at which they lengthen, in parts of sqrt(stiffness * mass). Explicit steps need
-        some; with more than 0.6 the longest step falls again.
+        Damping of the springs: force per rate of elongation, as a fraction of sqrt(stiffness * mass). Explicit
+        integration needs some; above 0.6 the longest stable step decreases again.
     drag : float
-        Of the air: the share of its speed that a mass loses per unit of time.
+        Air drag: fraction of its speed that a mass loses per unit of time.
     mass : float
-        Of every node of the mesh.
+        Mass of every node of the mesh.
     gravity : float
         g of eq. (2), towards the plane: springs per squared unit of time.
     restitution : float
-        The share of its speed with which a mass bounces off the plane, 0 to 1.
+        Coefficient of restitution at the plane, 0 to 1.
     max_steps : int
-        Give up after so many steps and say so.
+        Maximum number of time steps; reaching it is reported.
     tolerance : float
-        The sheet is at rest when its masses are slower than this, rms: springs per unit of time.
+        Stop when the rms speed of the masses is below this, in springs per unit of time.
     """
 
     time_step: float = 0.01
@@ -147,20 +147,20 @@ class MassSpringSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class FlattenSettings:
-    """How a mesh becomes flat.
+    """Flattening of the mesh.
 
     Attributes
     ----------
     method : {"multigrid", "verlet", "mass-spring"}
-        multigrid: the sticks' energy minimised for all points at once. verlet: the particle system of the paper.
-        mass-spring: that of Brown & Seales, which the paper measures itself by.
+        multigrid: minimise the stick energy of all points at once. verlet: the paper's particle system. mass-spring:
+        the system of Brown & Seales, with which the paper compares itself.
     lengths : {"smooth", "unfolded", "straight"}
-        Rest lengths of the sticks. smooth: along the surface without the scanner's noise, true across creases.
-        unfolded: edges as scanned, and two triangles laid into one plane for the bending stick across them.
-        straight: that stick as it stands in space, as the paper has it; too short across a fold.
+        Rest lengths of the sticks. smooth: along the denoised surface, correct across creases. unfolded: scanned edge
+        lengths, and for bending sticks the distance in the two unfolded triangles. straight: for bending sticks the 3D
+        distance, as in the paper; too short across a fold.
     points : int, "all" or "auto"
-        Reduce the sheet to about so many points before solving. auto: all of them, but the paper's 1,000 for verlet
-        and mass-spring. Every point of the scan gets its place on the page in any case.
+        Decimate the mesh to about this number of points before solving. auto: all points, but the paper's 1,000 for
+        verlet and mass-spring. All points of the scan are mapped to the page in any case.
     multigrid : MultigridSettings
     verlet : VerletSettings
     mass_spring : MassSpringSettings
@@ -180,12 +180,12 @@ class FlattenSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class RenderSettings:
-    """How the page is drawn.
+    """Rendering of the page.
 
     Attributes
     ----------
     dpi : float or "auto"
-        Page pixels per 25.4 mm. auto: what the photo gives (its median over the page), rounded to a usual value.
+        Page pixels per 25.4 mm. auto: the median resolution of the photo on the page, rounded to a usual value.
     """
 
     dpi: float | Literal["auto"] = 300.0
@@ -197,14 +197,14 @@ class RenderSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class ShadingSettings:
-    """How shade is taken off the page.
+    """Removal of shading from the page.
 
     Attributes
     ----------
     shading : {"geometry", "background", "none"}
-        geometry: find the lamp from the sheet's shape and divide its light out; pictures keep their greys.
-        background: without the shape, from the brightness of the page alone; any grey area wider than 6 mm is taken
-        for shade. none: leave the page as the photo shows it.
+        geometry: fit a lamp to the shape of the sheet and divide by its illumination; pictures keep their grey values.
+        background: from the brightness of the page only; grey areas wider than 6 mm are taken for shading. none: keep
+        the page as photographed.
     """
 
     shading: Shading = "geometry"
@@ -212,19 +212,18 @@ class ShadingSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class BinarizeSettings:
-    """How the page becomes black and white.
+    """Binarization of the page.
 
     Attributes
     ----------
     binarize : {"none", "nick", "sauvola", "wolf", "trsingh", "bataineh", "su", "otsu"}
-        How the threshold is found. nick, which keeps faint print beside black print best, sauvola and their like
-        look at the neighbourhood of each pixel; su takes a hundred times as long. otsu has one threshold for the
-        page: for pages without shade.
+        Threshold method. All but otsu use the neighbourhood of each pixel; nick preserves faint print beside black
+        print best, and su takes a hundred times as long. otsu has a single threshold, for pages without shading.
     window_mm : float
-        Side of the neighbourhood on the page: about one and a half lines of text high.
+        Side of the neighbourhood on the page: about one and a half times the line spacing.
     k : float or "auto"
-        How much darker than its neighbourhood ink must be; more gives thinner strokes and loses faint print. auto:
-        what does best for the method (docs/benchmarks.md has the table).
+        Sensitivity: how much darker than its neighbourhood ink must be. Larger values give thinner strokes and lose
+        faint print. auto: the best value for the method (docs/benchmarks.md has the table).
     """
 
     binarize: Binarization = "nick"
@@ -240,7 +239,7 @@ class BinarizeSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class RestoreSettings:
-    """The whole walk: the settings of each stage, and the way round of the page.
+    """Settings of the whole pipeline.
 
     Attributes
     ----------
@@ -249,14 +248,13 @@ class RestoreSettings:
     shading : ShadingSettings
     binarize : BinarizeSettings
     rotate : {"auto", "0", "90", "180", "270"}
-        auto: as the text reads; where there is none, long side upright and the photo's top on top. A number: clockwise
-        turn from the photo's way round.
+        auto: upright text; without text, portrait format with the photo's top up. A number: clockwise rotation in
+        degrees from the orientation of the photo.
     pages : {"1", "2", "auto"}
-        2: the sheet is an open book, and is split at its spine into a left and a right page. auto: only where a
-        spine is plain in the surface and no line of text crosses it. 1: the sheet stays whole.
+        2: split an open book at its spine into a left and a right page. auto: split only if the surface shows a clear
+        spine and no line of text crosses it. 1: no split.
     sheet : {"auto", "all"}
-        auto: the table around the sheet is left out where it is plainly one, with a note. all: the whole mesh is the
-        sheet.
+        auto: remove the table around the sheet if it is clearly one, with a note. all: the whole mesh is the sheet.
     """
 
     flatten: FlattenSettings = field(default_factory=FlattenSettings)
@@ -270,18 +268,18 @@ class RestoreSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class PhotoSettings:
-    """How the shape of a sheet is found from one photo, and how large it is.
+    """Estimation of shape and size of a sheet from one photo.
 
     Attributes
     ----------
     shape : {"auto", "text-lines", "borders", "shading", "polynomial"}
-        What tells the shape. auto: lines of text and the sheet's borders, whichever are there. text-lines, borders: one
-        of them alone. shading: the brightness of the blank paper of a page that is bent in one direction only.
-        polynomial: each line of text straightened by itself (Zhang and Tan 2003), to compare with.
+        Source of the shape. auto: text lines and borders of the sheet, as far as they are visible. text-lines, borders:
+        only one of them. shading: brightness of the blank paper, for a page bent in one direction only. polynomial:
+        straighten each text line by itself (Zhang and Tan 2003), for comparison.
     width_mm : float, optional
-        Width of the sheet, or of the part that is drawn where its borders are not seen. One photo cannot tell it.
+        Width of the sheet, or of the rendered part if its borders are not visible. One photo does not determine it.
     paper : {"unknown", "a3", "a4", "a5", "letter", "legal"}
-        The sheet's size, where all of its borders are seen; it also puts the proportions right.
+        Size of the sheet, if all of its borders are visible; it also corrects the aspect ratio.
     """
 
     shape: PhotoShape = "auto"
@@ -292,27 +290,27 @@ class PhotoSettings:
         if self.width_mm is not None and not 1 <= self.width_mm <= 10_000:
             raise UsageError(f"width_mm must be between 1 and 10000, not {self.width_mm}")
         if self.width_mm is not None and self.paper != "unknown":
-            raise UsageError("give width_mm or paper, not both: each says how large the sheet is")
+            raise UsageError("give width_mm or paper, not both: each determines the size of the sheet")
 
 
 @dataclass(frozen=True, kw_only=True)
 class BatchFiles:
-    """The files of every item of a batch; report.json, item.json and preview.jpg are always among them.
+    """Output files of every item of a batch, in addition to report.json, item.json and preview.jpg.
 
     Attributes
     ----------
     format : {"tif", "png", "jpg", "pdf"}
-        Of the page's file.
+        Format of the page.
     binary : bool
-        Also write the page in black and white: binary.tif, .png or .pdf, as the page is.
+        Also write the binarized page: binary.tif, .png or .pdf, in the format of the page.
     flat : bool
         Also write the flattened mesh: flat.obj.
     mask : bool
-        Also write what is known of the page: mask.png.
+        Also write the mask of valid pixels: mask.png.
     html : bool
-        Also write a page to look at: page.html.
+        Also write an interactive HTML page: page.html.
     certificate : bool
-        Also write one sheet that shows how good the page is: certificate.pdf.
+        Also write a one-page quality certificate: certificate.pdf.
     """
 
     format: PageKind = "tif"
@@ -325,30 +323,30 @@ class BatchFiles:
 
 @dataclass(frozen=True, kw_only=True)
 class ServeSettings:
-    """What the service lets its users do.
+    """Limits of the web service.
 
     Attributes
     ----------
     jobs : int
-        Scans at work at once, each in a process of its own.
+        Number of concurrent scans, each in its own process.
     queue : int
-        Scans that may wait for their turn; who comes then is asked to come again later.
+        Maximum queue length; further requests get HTTP 429.
     seconds : float
-        A scan may take so long; then its process is ended.
+        Time limit per scan; its process is killed afterwards.
     memory_mb : float
-        A scan may take so much memory; planish itself takes about 400 of it.
+        Memory limit per scan in megabytes, including about 400 of planish itself.
     upload_mb : float
-        The most that is taken at once, in megabytes.
+        Maximum size of an upload in megabytes.
     unpacked_mb : float
-        The most that a zip file may hold.
+        Maximum unpacked size of a zip file in megabytes.
     files : int
-        The most files of one scan, also inside a zip.
+        Maximum number of files per scan, also inside a zip.
     megapixels : float
-        The most that one photo may have.
+        Maximum size of a photo.
     upload_seconds : float
-        An upload may take so long.
+        Time limit of an upload.
     keep_hours : float
-        So long after its end a page can be fetched; then it is removed.
+        Time in hours until the results of a finished job are deleted.
     """
 
     jobs: int = 2

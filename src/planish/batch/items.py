@@ -38,7 +38,7 @@ class Item:
         Given by the user; they take precedence over files that the scan references.
     nearby_photo, nearby_camera : Path or None
         Found beside the scan; used if the scan references no photo.
-    units : {"auto", "mm", "cm", "m", "in"}
+    units : str
     """
 
     name: str

@@ -6,12 +6,12 @@ import csv
 import json
 from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
-from typing import Any, cast, get_args
+from typing import Any
 
 from planish.batch.items import MAX_NAME_BYTES, RESERVED, SCANS, Item, ScanList, conflicting_names, safe_name
 from planish.errors import InputError
 from planish.io.files import read_bytes
-from planish.settings import Units
+from planish.io.units import is_unit
 
 COLUMNS = ("scan", "photo", "camera", "name", "units")
 
@@ -105,14 +105,14 @@ def _item(path: Path, line: int, row: dict[str, Any]) -> Item:
     if len(scans) != 1:
         raise InputError(f"{location} names {len(scans)} scans; expected one")
     units = row.get("units") or "auto"
-    if units not in get_args(Units):
-        raise InputError(f"{location}: units is {units!r}; expected one of {', '.join(get_args(Units))}")
+    if units != "auto" and not (isinstance(units, str) and is_unit(units)):
+        raise InputError(f"{location}: units is {units!r}; expected auto, mm, cm, m, in or a length such as 7.91um")
     name = row.get("name")
     if name:
         _check_name(location, name)
     else:
         name = _default_name(path, scans[0])
-    return Item(name=name, scan=scans[0], photo=photos, camera=cameras, units=cast(Units, units))
+    return Item(name=name, scan=scans[0], photo=photos, camera=cameras, units=units)
 
 
 def _paths(path: Path, location: str, row: dict[str, Any], column: str) -> tuple[Path, ...]:

@@ -25,7 +25,7 @@ class JobInputs:
     scan : Path
     photo, camera : tuple of Path
         Further input files that are not part of the scan.
-    units : {"auto", "mm", "cm", "m", "in"}
+    units : str
     settings : RestoreSettings
     size_mm : (float, float) or None
         Size of the page according to the report, if there is one.

@@ -55,7 +55,7 @@ class Job:
     outputs : Outputs
     photo, camera : tuple of Path
         Needed where the scan file does not reference them.
-    units : {"auto", "mm", "cm", "m", "in"}
+    units : str
         Unit of the scan's coordinates.
     inside : Path or None
         For untrusted scans: files that the scan references are read from this folder only.

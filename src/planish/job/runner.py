@@ -31,7 +31,7 @@ _WITHOUT_PHOTO = (
     *("image-missing", "image-no-photo", "texture-unreadable"),
     *("material-file-missing", "material-file-unreadable", "material-missing"),
 )
-"""Codes of the warnings that tell why a scan has no photo."""
+"""Codes of warnings that explain why a scan has no photo."""
 
 
 @dataclass(frozen=True)

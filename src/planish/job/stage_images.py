@@ -30,7 +30,7 @@ CAPTIONS = {
 def write_stages(folder: Path, restoration: Restoration) -> list[Path]:
     """Write photo, page, both binarized, mesh before and after, quality maps, and a contact sheet of all of them.
 
-    A scan with several textures, or with colours of points alone, has no photo as it was taken.
+    The images of the photo are omitted for scans with several textures or with colours of points only.
 
     Parameters
     ----------
