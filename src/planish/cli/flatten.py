@@ -20,6 +20,7 @@ def flatten(
     units: Units = "auto",
     flattening: Annotated[FlattenSettings, Parameter(name="*")] = FlattenSettings(),
     rotate: Rotation = "auto",
+    viewpoint: tuple[float, float, float] | None = None,
     report: Path | None = None,
     overwrite: bool = True,
     quiet: Quiet = False,
@@ -41,6 +42,9 @@ def flatten(
         Unit of the mesh's coordinates. auto decides from the file and the size of the mesh, and prints its decision.
     rotate
         auto: portrait format. A number: clockwise rotation in degrees from the orientation of the scan.
+    viewpoint
+        Where the scanner stood, x y z in mm in the coordinates of the mesh: noise is then removed along its rays. Range
+        images that keep their rows and columns show it by themselves.
     report
         Also write the report as JSON.
     overwrite
@@ -52,6 +56,8 @@ def flatten(
     """
     from dataclasses import replace
     from time import perf_counter
+
+    import numpy as np
 
     from planish.cli.console import print_report, progress_bar
     from planish.io import all_or_nothing, check_flat_name, check_writable, read_scan, write_flat, write_json
@@ -68,7 +74,9 @@ def flatten(
         loaded = read_scan(mesh, units=units)
         read_seconds = perf_counter() - start
         restoration = restore(
-            replace(loaded.scan, photo=None), RestoreSettings(flatten=flattening, rotate=rotate), progress
+            replace(loaded.scan, photo=None, viewpoint=None if viewpoint is None else np.array(viewpoint)),
+            RestoreSettings(flatten=flattening, rotate=rotate),
+            progress,
         )
         start = perf_counter()
         progress("write", 0.0)

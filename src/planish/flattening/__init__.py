@@ -125,6 +125,8 @@ def flatten(
         local_strain=local_strain[back],
         seconds=seconds,
         noise_mm=None if sticks.noise_mm is None else float(np.median(sticks.noise_mm)),
+        noise_length_mm=sticks.noise_length_mm,
+        spikes=sticks.spikes,
         overlaps=overlaps(mesh.faces, page_xy, topo),
         passed_points=solved.passed_points,
         warnings=solved.warnings,

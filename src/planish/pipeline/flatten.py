@@ -20,6 +20,8 @@ def flatten(
     faces: Ints | None = None,
     settings: FlattenSettings | None = None,
     progress: Callable[[float], None] | None = None,
+    *,
+    viewpoint: Floats | None = None,
 ) -> Flattening:
     """Flatten a mesh: the geometry alone, from plain arrays.
 
@@ -32,6 +34,9 @@ def flatten(
     settings : FlattenSettings, optional
     progress : callable, optional
         Called with the share of the work that is done.
+    viewpoint : (3,) float [mm], optional
+        Where the scanner's rays come from: its errors are taken out along them. Range images that keep their order of
+        points, row by row, show it by themselves.
 
     Returns
     -------
@@ -55,7 +60,7 @@ def flatten(
     [10.0, 157.1]
     """
     sheet = mesh if isinstance(mesh, Mesh) else Mesh(mesh, np.zeros((0, 3), np.int32) if faces is None else faces)
-    prepared = prepare(Scan(sheet))
+    prepared = prepare(Scan(sheet, viewpoint=None if viewpoint is None else np.asarray(viewpoint, np.float64)))
     flat = to_upright_frame(prepared, flatten_prepared(prepared, settings, progress), "auto")
     return replace(in_file_order(prepared, flat), warnings=(*prepared.warnings, *flat.warnings))
 

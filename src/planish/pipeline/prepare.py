@@ -34,11 +34,14 @@ def prepare(scan: Scan, sheet: SheetRegion = "all") -> PreparedScan:
     """
     alone, warnings = leave_out_surroundings(scan) if sheet == "auto" else (scan, [])
     repaired = repair(alone)
-    mesh, photo_xy = repaired.scan.mesh, repaired.scan.photo_xy
+    kept = repaired.scan
+    eye = kept.viewpoint
+    if eye is None:
+        eye = viewpoint(kept.mesh, kept.photo_xy, repaired.topology.edges)
     return replace(
         repaired,
         source=scan,
         warnings=(*warnings, *repaired.warnings),
-        viewpoint=viewpoint(mesh, photo_xy, repaired.topology.edges),
+        viewpoint=eye,
         find_normals=smooth_normals,
     )

@@ -98,6 +98,8 @@ def build_report(
             pieces=prepared.pieces,
             holes=prepared.holes,
             noise_mm=flat.noise_mm,
+            noise_length_mm=flat.noise_length_mm,
+            spikes=flat.spikes,
         ),
         flatten=FlattenReport(
             method=flat.method,

@@ -58,6 +58,8 @@ def make_sticks(mesh: Mesh, topology: Topology, lengths: Lengths = "smooth", *, 
         noise_left=1.0 if smoothed is None else smoothed.noise_left,
         turned=None if smoothed is None else smoothed.turned,
         normals=None if smoothed is None else smoothed.normals,
+        noise_length_mm=None if smoothed is None else smoothed.noise_length_mm,
+        spikes=0 if smoothed is None else smoothed.spikes,
     )
 
 

@@ -28,6 +28,9 @@ CELL = 12
 OUTLIER = 4.0
 """Values over so many medians count as that: what creases do is not noise, but noise may differ over a sheet."""
 
+LEAST_AND_MOST_ALIKE = 0.06, 0.998
+"""Correlations of neighbours that are told apart: white noise then has a length of 0.5 edges, the longest of 18."""
+
 
 def angle_defects(rest: Floats, faces: Ints, topology: Topology, point_count: int, parallel_for: ParallelFor) -> Floats:
     """|2 pi - sum of the angles| at the points inside the sheet, for triangles of the edge lengths `rest`.
@@ -57,18 +60,21 @@ def ring_noise(points: Floats, rows: Rows, ring: Ring, parallel_for: ParallelFor
 
 
 def surface_noise(
-    points: Floats, rows: Rows, bends: Bends, patch: float, parallel_for: ParallelFor
+    points: Floats, rows: Rows, bends: Bends, patch: float, parallel_for: ParallelFor, source: Ints | None = None
 ) -> NDArray[np.float32]:
-    """(n,) distance [mm] of every point from its own bent plane: noise that is alike over some pixels shows here too.
+    """(n,) signed height [mm] of every point over its bent plane: noise that is alike over some pixels shows here too.
 
     Parameters
     ----------
     patch : float
         Mean square width [mm^2], across the rulings, of the patch that every place is the average of: the average of
         a bent patch lies off the surface by half its curvature times that.
+    source : (n,) int32, optional
+        The point whose plane each point lies on (see `find_sides`); by default its own.
     """
     off = np.empty(len(points), np.float32)
-    parallel_for(_off_surface, len(points), points, rows, bends, patch, off)
+    source = np.arange(len(points), dtype=np.int32) if source is None else source
+    parallel_for(_off_surface, len(points), points, rows, bends, patch, source, off)
     return off
 
 
@@ -76,11 +82,28 @@ def typical(off: NDArray[np.float32]) -> float:
     """Standard deviation of noise, from the median of its sizes over a sample."""
     some = off[:: max(1, len(off) // SAMPLE)]
     some = some[np.isfinite(some)]
-    return FROM_MEDIAN * float(np.median(some)) if len(some) else 0.0
+    return FROM_MEDIAN * float(np.median(np.abs(some))) if len(some) else 0.0
 
 
-def around(points: Floats, values: NDArray[np.floating], spacing: float, parallel_for: ParallelFor) -> Floats:
+def noise_length(off: NDArray[np.float32], edges: Ints, spacing: float) -> float:
+    """Distance [mm] over which noise is alike: where the correlation of two points' heights `off` falls to a half.
+
+    Told from the correlation r of points that share an edge, as if it fell like a Gaussian with the distance.
+    """
+    some = edges[:: max(1, len(edges) // SAMPLE)]
+    a, b = off[some[:, 0]].astype(np.float64), off[some[:, 1]].astype(np.float64)
+    limit = OUTLIER * float(np.median(np.abs(a))) + 1e-30
+    a, b = np.clip(a, -limit, limit), np.clip(b, -limit, limit)
+    alike = float(np.clip((a * b).sum() / max(0.5 * (a * a + b * b).sum(), 1e-300), *LEAST_AND_MOST_ALIKE))
+    return spacing * math.sqrt(math.log(2) / -math.log(alike))
+
+
+def around(
+    points: Floats, values: NDArray[np.floating], spacing: float, parallel_for: ParallelFor, least: float = 0.0
+) -> Floats:
     """(n,) mean of the finite values in cells of CELL edges and those next to them, of every point's cell.
+
+    Values over OUTLIER medians, or OUTLIER times `least` where that is more, count as that.
 
     Examples
     --------
@@ -97,7 +120,7 @@ def around(points: Floats, values: NDArray[np.floating], spacing: float, paralle
     side = max(CELL * spacing, float((high - low).max()) / 200, 1e-12)
     shape = ((high - low) / side).astype(np.int64) + 1
     known = values[np.isfinite(values)]
-    ceiling = OUTLIER * float(np.median(known[:: max(1, len(known) // SAMPLE)])) if len(known) else 0.0
+    ceiling = OUTLIER * max(float(np.median(known[:: max(1, len(known) // SAMPLE)])), least) if len(known) else 0.0
     cell = np.empty(len(points), np.int64)
     parallel_for(_find_cells, len(points), points, low, 1 / side, shape, cell)
     sums, counts = _sum_cells(cell, values, ceiling, math.prod(shape))
@@ -180,6 +203,7 @@ def _less_ring(first, last, height, ring, out):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _off_surface(first, last, points, rows, bends, patch, out):  # type: ignore[no-untyped-def]
+def _off_surface(first, last, points, rows, bends, patch, source, out):  # type: ignore[no-untyped-def]
     for i in range(first, last):
-        out[i] = abs(height_over(points, i, rows, bends, i) - 0.5 * bends[i, CURVATURE] * patch)
+        j = source[i]
+        out[i] = height_over(points, i, rows, bends, j) - 0.5 * bends[j, CURVATURE] * patch

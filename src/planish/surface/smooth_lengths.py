@@ -5,19 +5,24 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import Enum
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from planish.geometry.distances import distances
+from planish.geometry.grid_rows import viewpoint_of_rows
 from planish.mesh import Topology
 from planish.parallel import ParallelFor, thread_pool
 from planish.surface.arc_lengths import lengths_over
 from planish.surface.flipped_faces import turned_over
-from planish.surface.noise import FROM_MEAN, FROM_MEDIAN, angle_defects, around, typical
+from planish.surface.local_quadrics import average_normals, onto_quadrics
+from planish.surface.noise import FROM_MEAN, FROM_MEDIAN, angle_defects, around, noise_length, typical
+from planish.surface.noise_scale import noise_scale
 from planish.surface.normals import NOISE, typical_step
-from planish.surface.rays import onto_surface
+from planish.surface.rays import GRAZING, onto_surface
 from planish.surface.smooth_surface import Scan, Surface, find_surface, look_at
+from planish.surface.spikes import find_spikes
 from planish.types import Bools, Floats, Ints, Mesh
 
 BUCKLED = 0.003
@@ -45,6 +50,13 @@ WORSE, NOISY_SLACK, CLEAN_SLACK = 1.2, 1e-3, 5e-5
 """Lengths are refused if by them the sheet would buckle (mean angle defect [rad]) by more than so many times what it
 does raw, and a little: NOISY_SLACK after smoothing, else CLEAN_SLACK. Right ones buckle half to a hundredth as much as
 raw ones; those of a coarse mesh whose points sit on its folds 30,000 times as much (crumpled_developable)."""
+
+SHARED, SHARED_WIDELY, STRONG = 0.45, 0.7, 0.25
+SHARED_REACH, SHARED_REACH_AT_MOST = 2.0, 0.2
+SHARED_LEFT = 0.6
+STEEP = 0.17
+RADII_OF_QUADRICS = (3.0, 5.0, 8.0)
+SIZE_SETTLED = 0.003
 
 
 class Smoothing(Enum):
@@ -74,6 +86,10 @@ class SmoothLengths:
     smoothing : Smoothing
     turned : (m,) bool or None
         Faces that noise turned over (see `turned_over`); None where there is no noise.
+    noise_length_mm : float or None
+        Distance over which the noise of two points is alike (their correlation is a half); None where there is none.
+    spikes : int
+        Points so far off their surroundings that they were not counted.
     """
 
     rest: Floats
@@ -83,6 +99,8 @@ class SmoothLengths:
     smoothing: Smoothing
     turned: Bools | None = None
     noise_left: float = 1.0
+    noise_length_mm: float | None = None
+    spikes: int = 0
 
 
 def smooth_lengths(points: Floats, faces: Ints, topology: Topology, *, eye: Floats | None = None) -> SmoothLengths:
@@ -129,30 +147,48 @@ def smooth_lengths(points: Floats, faces: Ints, topology: Topology, *, eye: Floa
     >>> f"{raw / true - 1:.2%} {smooth.rest.sum() / true - 1:.2%}"
     '0.37% 0.01%'
     """
-    raw = distances(points, topology.edges)
     with thread_pool() as parallel_for:
+        raw = distances(points, topology.edges)
         scan = look_at(points, faces, topology, raw, parallel_for)
+        spikes, feet, axes = find_spikes(scan.points, scan.rows, scan.ring, scan.ring_noise, scan.spacing, parallel_for)
+        if len(spikes):
+            eye = viewpoint_of_rows(points, topology.edges) if eye is None else eye
+            points = _without_spikes(points, spikes, feet + scan.middle, axes, eye)
+            raw = distances(points, topology.edges)
+            scan = look_at(points, faces, topology, raw, parallel_for)
         raw_defects = angle_defects(raw, faces, topology, len(points), parallel_for)
         buckling = math.sqrt(float(np.quantile(raw_defects, 0.25))) if len(raw_defects) else 0.0
-        noisy = _is_noisy(buckling, typical_step(scan.rows, scan.edges))
-        wanted = _look_for_noise(scan, parallel_for) if noisy else 0
-        for rounds in dict.fromkeys((wanted, 0)):
-            surface = find_surface(scan, rounds, parallel_for)
+        plan = _look_for_noise(scan, buckling, parallel_for)
+        if plan.rounds and eye is None:
+            eye = viewpoint_of_rows(points, topology.edges)
+        original = scan.points
+        if plan.steep:
+            scan = _presmoothed(scan, faces, topology, eye, parallel_for)
+            plan = _plan_of_shared(scan, parallel_for)
+        for tried in (plan, CLEAN) if plan.rounds else (CLEAN,):
+            surface = find_surface(scan, tried.rounds, parallel_for, tried.reach)
             moved, left = scan.points, 1.0
-            if rounds and eye is not None:
+            if tried.reach:
+                moved, left = _onto_plane(scan, surface, eye)
+            elif tried.rounds and eye is not None:
                 moved, left = _without_its_noise(scan, surface, eye, parallel_for)
             rest = lengths_over(moved, surface.normals, surface.bends, scan.edges, parallel_for)
             defects = angle_defects(rest, faces, topology, len(points), parallel_for)
-            slack = NOISY_SLACK if rounds else CLEAN_SLACK
-            if defects.sum() <= WORSE * raw_defects.sum() + slack * len(defects):
+            if defects.sum() <= WORSE * raw_defects.sum() + tried.slack * len(defects):
                 break
         else:
-            return _without_noise(raw, surface, scan, buckling, Smoothing.REFUSED)
-        if not rounds:
-            return _without_noise(rest, surface, scan, buckling, Smoothing.CLEAN)
-        noise = FROM_MEAN * around(scan.points, surface.off, scan.spacing, parallel_for)
-        turned = turned_over(scan.points, faces, surface.normals, parallel_for)
-    return SmoothLengths(rest, surface.normals, noise, float(np.median(noise)), Smoothing.SMOOTHED, turned, left)
+            return _without_noise(raw, surface, scan, buckling, Smoothing.REFUSED, len(spikes))
+        if not tried.rounds:
+            return _without_noise(rest, surface, scan, buckling, Smoothing.CLEAN, len(spikes))
+        off = surface.off
+        if scan.points is not original:
+            off = off + np.einsum("ij,ij->i", original - scan.points, surface.normals).astype(np.float32)
+        noise = FROM_MEAN * around(scan.points, np.abs(off), scan.spacing, parallel_for)
+        length = noise_length(off, topology.edges, scan.spacing)
+        turned = turned_over(moved if tried.reach else scan.points, faces, surface.normals, parallel_for)
+    return SmoothLengths(
+        rest, surface.normals, noise, float(np.median(noise)), Smoothing.SMOOTHED, turned, left, length, len(spikes)
+    )
 
 
 def smooth_normals(mesh: Mesh, topology: Topology) -> NDArray[np.float32]:
@@ -160,22 +196,107 @@ def smooth_normals(mesh: Mesh, topology: Topology) -> NDArray[np.float32]:
     return smooth_lengths(mesh.points, mesh.faces, topology).normals
 
 
+class Plan(NamedTuple):
+    """How a scan is to be smoothed: rounds, least reach (squared difference of normals), slack of the last check."""
+
+    rounds: int
+    reach: float
+    slack: float
+    steep: bool = False
+
+
+CLEAN = Plan(0, 0.0, CLEAN_SLACK)
+
+
+def _look_for_noise(scan: Scan, buckling: float, parallel_for: ParallelFor) -> Plan:
+    """Tell white noise, shared noise and none, and note in the scan's rows where there is more and less of it."""
+    step = typical_step(scan.rows, scan.edges)
+    scale = noise_scale(scan.points, scan.rows, scan.ring, BUCKLED * scan.spacing, parallel_for)
+    noisy = _is_noisy(buckling, step)
+    if scale.alike > SHARED and (not noisy or scale.alike > SHARED_WIDELY or scale.height > STRONG * scan.spacing):
+        return _plan_of_shared(scan, parallel_for)
+    if not scale.height and not noisy:
+        return CLEAN
+    least = scale.height / FROM_MEDIAN
+    noise = FROM_MEAN * around(scan.points, scan.ring_noise, scan.spacing, parallel_for, least)
+    scan.rows[:, NOISE] = np.maximum((noise / max(float(np.median(noise)), 1e-300)) ** 2, LEAST_NOISE)
+    rounds = int(np.clip(ROUNDS_PER_NOISE * np.quantile(noise, NOISIEST) / scan.spacing, FEWEST, MOST))
+    return Plan(rounds, 0.0, NOISY_SLACK)
+
+
+def _plan_of_shared(scan: Scan, parallel_for: ParallelFor) -> Plan:
+    """Noise that neighbours share makes their normals differ less than it should; so reach does not follow them."""
+    a, b = scan.edges[:, 0], scan.edges[:, 1]
+    step = scan.rows[a, :3] - scan.rows[b, :3]
+    size = np.sqrt(np.einsum("ij,ij->i", step, step).astype(np.float64))
+    count = len(scan.points)
+    sums = np.bincount(a, size, count) + np.bincount(b, size, count)
+    mean: Floats = sums / np.maximum(np.diff(scan.ring.start), 1)
+    typical_size = float(np.median(mean))
+    local = around(scan.points, mean, scan.spacing, parallel_for)
+    scan.rows[:, NOISE] = np.clip((local / max(typical_size, 1e-9)) ** 2, LEAST_NOISE, 1 / LEAST_NOISE)
+    reach = min(SHARED_REACH * typical_size, SHARED_REACH_AT_MOST) ** 2
+    return Plan(MOST, max(reach, 1e-12), math.inf, typical_size > STEEP)
+
+
 def _is_noisy(buckling: float, step: float) -> bool:
     """Tell noise from bends, by how much the sheet buckles and the squared difference of normals of neighbours."""
     return buckling > BUCKLED and buckling**2 > min(BENT * math.sqrt(step), MOSTLY_NOISE) * step
 
 
-def _look_for_noise(scan: Scan, parallel_for: ParallelFor) -> int:
-    """Note where there is more and less noise, and say how many rounds of smoothing it asks for."""
-    noise = FROM_MEAN * around(scan.points, scan.ring_noise, scan.spacing, parallel_for)
-    scan.rows[:, NOISE] = np.maximum((noise / max(float(np.median(noise)), 1e-300)) ** 2, LEAST_NOISE)
-    return int(np.clip(ROUNDS_PER_NOISE * np.quantile(noise, NOISIEST) / scan.spacing, FEWEST, MOST))
+def _presmoothed(scan: Scan, faces: Ints, topology: Topology, eye: Floats | None, parallel_for: ParallelFor) -> Scan:
+    """Scan whose points lie on local quadrics, of the least radius from which on the edges do not get shorter."""
+    normals = average_normals(scan.rows, scan.ring)
+    directions = normals.astype(np.float64) if eye is None else _rays(scan, eye)
+    edge = scan.points[scan.edges[:, 1]] - scan.points[scan.edges[:, 0]]
+    across = np.einsum("ij,ij->i", edge, directions[scan.edges[:, 0]])
+    spacing = float(np.median(np.sqrt(np.maximum(np.einsum("ij,ij->i", edge, edge) - across**2, 0.0))))
+    total = math.inf
+    for radius in RADII_OF_QUADRICS:
+        moved = onto_quadrics(scan.points, normals, directions, scan.ring, radius * spacing, parallel_for)
+        lengths = distances(moved, scan.edges)
+        if total < (1 + SIZE_SETTLED) * lengths.sum():
+            break
+        total = float(lengths.sum())
+    return look_at(moved + scan.middle, faces, topology, lengths, parallel_for)
 
 
-def _without_noise(rest: Floats, surface: Surface, scan: Scan, buckling: float, smoothing: Smoothing) -> SmoothLengths:
+def _rays(scan: Scan, eye: Floats) -> Floats:
+    ray = scan.points - (eye - scan.middle)
+    return np.asarray(ray / np.linalg.norm(ray, axis=1, keepdims=True))
+
+
+def _without_spikes(points: Floats, spikes: Ints, feet: Floats, axes: Floats, eye: Floats | None) -> Floats:
+    """Spikes moved along their rays to the surface around them, or between their neighbours where rays are unknown."""
+    points = points.copy()
+    if eye is not None:
+        ray = points[spikes] - eye
+        towards = np.einsum("ij,ij->i", ray, axes)
+        seen = np.abs(towards) > GRAZING * np.linalg.norm(ray, axis=1)
+        shift = np.einsum("ij,ij->i", feet - points[spikes], axes) / np.where(seen, towards, 1.0)
+        feet = np.where(seen[:, None], points[spikes] + shift[:, None] * ray, feet)
+    points[spikes] = feet
+    return points
+
+
+def _without_noise(
+    rest: Floats, surface: Surface, scan: Scan, buckling: float, smoothing: Smoothing, spikes: int
+) -> SmoothLengths:
     """Noise is at most what both rings and angles show: folds stand out of rings, but do not buckle."""
     noise = min(typical(scan.ring_noise), buckling * scan.spacing)
-    return SmoothLengths(rest, surface.normals, np.full(len(scan.points), noise), noise, smoothing)
+    return SmoothLengths(rest, surface.normals, np.full(len(scan.points), noise), noise, smoothing, spikes=spikes)
+
+
+def _onto_plane(scan: Scan, surface: Surface, eye: Floats | None) -> tuple[Floats, float]:
+    """Points moved onto the smooth surface itself, along their rays if these are known."""
+    normals = surface.normals.astype(np.float64)
+    if eye is None:
+        return scan.points - surface.off[:, None] * normals, 1.0
+    ray = _rays(scan, eye)
+    towards = np.einsum("ij,ij->i", normals, ray)
+    seen = np.abs(towards) > GRAZING
+    shift = np.where(seen, surface.off / np.where(seen, towards, 1.0), 0.0)
+    return scan.points - shift[:, None] * ray, SHARED_LEFT
 
 
 def _without_its_noise(scan: Scan, surface: Surface, eye: Floats, parallel_for: ParallelFor) -> tuple[Floats, float]:

@@ -90,7 +90,7 @@ def look_at(points: Floats, faces: Ints, topology: Topology, raw: Floats, parall
     return Scan(centred, middle, topology.edges, ring, rows, spacing, mean_square, noise)
 
 
-def find_surface(scan: Scan, rounds: int, parallel_for: ParallelFor) -> Surface:
+def find_surface(scan: Scan, rounds: int, parallel_for: ParallelFor, least_reach: float = 0.0) -> Surface:
     """Smooth the normals of a scan by so many rounds; with none only points on creases are given a side."""
     points, ring, edges = scan.points, scan.ring, scan.edges
     rows, spare = scan.rows.copy(), np.empty_like(scan.rows)
@@ -103,14 +103,15 @@ def find_surface(scan: Scan, rounds: int, parallel_for: ParallelFor) -> Surface:
             )
             rows, spare = spare, rows
         if rounds:
-            diffuse(rows, ring, REACH * typical_step(rows, edges), spare, parallel_for)
+            diffuse(rows, ring, max(REACH * typical_step(rows, edges), least_reach), spare, parallel_for)
             rows, spare = spare, rows
-    bends = find_bends(rows, ring, REACH * typical_step(rows, edges), BENDS_SMOOTHED, parallel_for)
+    bends = find_bends(rows, ring, max(REACH * typical_step(rows, edges), least_reach), BENDS_SMOOTHED, parallel_for)
     if rounds:
         rows, spare = average_along(rows, bends, ring, spare, parallel_for)
-    off = surface_noise(points, rows, bends, rounds * PATCH * scan.mean_square, parallel_for)
-    noise = typical(off)
+    patch = rounds * PATCH * scan.mean_square
+    noise = typical(surface_noise(points, rows, bends, patch, parallel_for))
     source = find_sides(points, rows, bends, ring, 2, noise, scan.spacing, parallel_for)
+    off = surface_noise(points, rows, bends, patch, parallel_for, source)
     normals = carry(points, rows, bends, source, parallel_for)
     folds = points_at_folds(normals, ring, parallel_for)
     return Surface(refit(points, normals, ring, folds, noise, scan.spacing, parallel_for), bends[source], off)

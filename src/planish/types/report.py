@@ -44,6 +44,10 @@ class ScanReport:
         The unit that the file's numbers were taken to be in.
     noise_mm : float or None
         Typical standard deviation of the scanner's noise, where it was measured.
+    noise_length_mm : float or None
+        Distance over which the noise of two points is alike (correlation 1/2); None where there is no noise.
+    spikes : int
+        Points far off the surface, which were not counted.
     """
 
     points: int
@@ -52,6 +56,8 @@ class ScanReport:
     holes: int
     unit: str = "mm"
     noise_mm: float | None = None
+    noise_length_mm: float | None = None
+    spikes: int = 0
 
 
 @dataclass(frozen=True)

@@ -104,6 +104,8 @@ class Scan:
         The number of each face's image in `textures`; -1 for none.
     colours : (n, 3) uint8 or uint16, sRGB, or None
         Of the points, to be drawn where there is neither a photo nor a texture.
+    viewpoint : (3,) float64 [mm] or None
+        Where the scanner's rays come from, if it is known that its errors lie along them.
     """
 
     mesh: Mesh
@@ -116,6 +118,7 @@ class Scan:
     textures: tuple[Texture, ...] = ()
     texture_of_face: Ints | None = None
     colours: Pixels | None = None
+    viewpoint: Floats | None = None
 
     def __post_init__(self) -> None:
         freeze(self)
@@ -146,6 +149,10 @@ class Sticks:
         Faces of the mesh that noise turned over, where that was looked for: by these lengths their back is up.
     normals : (n, 3) float32 or None
         Of the surface without noise, where they were sought.
+    noise_length_mm : float or None
+        Distance over which the noise is alike, where there is any.
+    spikes : int
+        Points far off the surface, which were not counted.
     """
 
     pairs: Ints
@@ -156,6 +163,8 @@ class Sticks:
     noise_left: float = 1.0
     turned: Bools | None = None
     normals: NDArray[np.float32] | None = None
+    noise_length_mm: float | None = None
+    spikes: int = 0
 
     def __post_init__(self) -> None:
         freeze(self)
@@ -200,6 +209,10 @@ class Flattening:
         From the mesh in memory to `page_xy` in memory.
     noise_mm : float or None
         Typical standard deviation of the scanner's noise, where it was measured.
+    noise_length_mm : float or None
+        Distance over which the noise of two points is alike (correlation 1/2), where there is any.
+    spikes : int
+        Points far off the surface, which were not counted.
     overlaps : int
         Faces that lie over other parts of the page.
     passed_points : int
@@ -227,6 +240,8 @@ class Flattening:
     passed_points: int = 0
     warnings: tuple[Diagnostic, ...] = ()
     normals: NDArray[np.float32] | None = None
+    noise_length_mm: float | None = None
+    spikes: int = 0
 
     def __post_init__(self) -> None:
         freeze(self)

@@ -1,0 +1,163 @@
+"""Viewpoint of a range image that came as a bare mesh, from the rows and columns of pixels in its point order."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from planish.geometry.resection import resect
+from planish.geometry.viewpoint import MAX_MISFIT_PX, MIN_REGULAR, SAMPLE
+from planish.types import Bools, Floats, Ints
+
+LEAST_IN_ROWS = 0.2
+"""Share of the edges that must join consecutive points: a third in a range image, next to none in any other mesh."""
+
+FAR = 1e5
+"""Distance, in extents of the mesh, at which the viewpoint of parallel rays is placed."""
+
+ROUNDS, OUTLIER = 3, 6.0
+"""Fits, each without points that are off by more than OUTLIER medians: runs beside a hole may be a pixel off."""
+
+DEGREE = 5
+"""Of the polynomials that stand for a lens: 0.0014 pixels are left of a real one, 0.09 with degree 3."""
+
+PLAIN = 0.1
+"""A simpler camera is taken if its misfit is below this part of MAX_MISFIT_PX, though another has still less."""
+
+Pixels = NDArray[np.int64]
+
+
+def viewpoint_of_rows(points: Floats, edges: Ints) -> Floats | None:
+    """(3,) place [mm] that the rays of a range image come from, or None where the mesh is no range image.
+
+    Range images are written row by row, so consecutive points that share an edge are neighbours in a row. Rows are
+    aligned by the edges between them. The pixels found this way must then be the image of the points under one camera
+    to 1/50 of a pixel: parallel rays, a pinhole anywhere, or a pinhole at the origin behind a distorting lens. Errors
+    along the rays leave that exact, whatever their size; any other error or mesh does not.
+
+    Parameters
+    ----------
+    points : (n, 3) float64 [mm]
+    edges : (e, 2) int32
+        Ascending, as `Topology.edges` are.
+
+    Examples
+    --------
+    Parallel rays along z, as of a height map:
+
+    >>> from planish.mesh import grid_faces, topology
+    >>> x, y = np.meshgrid(np.arange(20.0), np.arange(30.0))
+    >>> points = np.c_[x.ravel(), y.ravel(), np.random.default_rng(0).normal(0, 0.5, 600)]
+    >>> faces = grid_faces(np.arange(600, dtype=np.int32).reshape(30, 20), points)
+    >>> eye = viewpoint_of_rows(points, topology(faces, 600).edges)
+    >>> (np.abs(eye[:2] / eye[2]) < 1e-6).all()
+    np.True_
+    """
+    pixels = _pixels(points, edges)
+    if pixels is None:
+        return None
+    every = len(points) // SAMPLE + 1
+    return _common_point(points[::every], pixels[::every].astype(np.float64))
+
+
+def _pixels(points: Floats, edges: Ints) -> Pixels | None:
+    """(n, 2) column and row of every point in the range image, or None where the mesh has no rows."""
+    in_row = edges[:, 1] - edges[:, 0] == 1
+    if len(edges) == 0 or in_row.mean() < LEAST_IN_ROWS:
+        return None
+    starts = np.ones(len(points), bool)
+    starts[edges[in_row, 1]] = False
+    run = np.cumsum(starts) - 1
+    column = np.arange(len(points)) - np.flatnonzero(starts)[run]
+    pixels = _aligned(points, edges[~in_row], run, column)
+    if pixels is None:
+        return None
+    step = np.abs(pixels[edges[:, 1]] - pixels[edges[:, 0]])
+    return pixels if (step.max(axis=1) <= 1).mean() >= MIN_REGULAR else None
+
+
+def _aligned(points: Floats, edges: Ints, run: Pixels, column: Pixels) -> Pixels | None:
+    """Shift the runs of consecutive points against each other so that pixels above each other share a column.
+
+    An edge between two rows leads straight down or along a diagonal. Of all shifts that edges between two runs ask
+    for, the one with the shortest edges leads straight down.
+    """
+    count = int(run[-1]) + 1
+    above, below = run[edges[:, 0]], run[edges[:, 1]]
+    shift = column[edges[:, 1]] - column[edges[:, 0]]
+    across = np.linalg.eigh(np.cov(points.T))[1][:, 1:]  # noise is along the rays, the sheet roughly across them
+    squared = (((points[edges[:, 1]] - points[edges[:, 0]]) @ across) ** 2).sum(axis=1)
+    order = np.lexsort((shift, below, above))
+    above, below, shift, squared = above[order], below[order], shift[order], squared[order]
+    if not len(order):
+        return None
+    first = np.flatnonzero(np.r_[True, (np.diff(above) != 0) | (np.diff(below) != 0) | (np.diff(shift) != 0)])
+    size = np.diff(np.r_[first, len(order)])
+    mean = np.add.reduceat(squared, first) / size
+    above, below, shift = above[first], below[first], shift[first]
+    few = size < 0.2 * _largest_of_pair(size, above * count + below)
+    order = np.lexsort((np.where(few, np.inf, mean), below, above))
+    above, below, shift = above[order], below[order], shift[order]
+    first = np.flatnonzero(np.r_[True, (np.diff(above) != 0) | (np.diff(below) != 0)])
+    return _laid_out(above[first], below[first], shift[first], run, column, count)
+
+
+def _largest_of_pair(size: Pixels, pair: Pixels) -> Pixels:
+    first = np.flatnonzero(np.r_[True, np.diff(pair) != 0])
+    return np.repeat(np.maximum.reduceat(size, first), np.diff(np.r_[first, len(pair)]))
+
+
+def _laid_out(above: Pixels, below: Pixels, shift: Pixels, run: Pixels, column: Pixels, count: int) -> Pixels | None:
+    """Row and shift of every run, from pairs of runs that lie below each other, along a spanning tree."""
+    link = sparse.coo_matrix((np.arange(1, len(above) + 1), (above, below)), shape=(count, count)).tocsr()
+    largest = int(np.bincount(run).argmax())
+    order, parent = sparse.csgraph.breadth_first_order(link + link.T, largest, directed=False)
+    down = {(int(a), int(b)): int(s) for a, b, s in zip(above, below, shift, strict=True)}
+    row, start = np.zeros(count, np.int64), np.zeros(count, np.int64)
+    for r in map(int, order[1:]):
+        p = int(parent[r])
+        if (p, r) in down:
+            row[r], start[r] = row[p] + 1, start[p] - down[p, r]
+        else:
+            row[r], start[r] = row[p] - 1, start[p] + down[r, p]
+    return np.stack([start[run] + column, row[run]], axis=1) if len(order) > 1 else None
+
+
+def _common_point(points: Floats, pixels: Floats) -> Floats | None:
+    """(3,) place whose rays through the points keep to the pixels, or None where there is none."""
+    kept = np.ones(len(points), bool)
+    for _ in range(ROUNDS):
+        found = list(_candidates(points, pixels, kept))
+        best = [float(np.median(misfit[kept])) for misfit, _ in found]
+        misfit, eye = found[int(np.argmax(np.array(best) <= max(PLAIN * MAX_MISFIT_PX, min(best))))]
+        kept = misfit <= max(OUTLIER * float(np.median(misfit)), MAX_MISFIT_PX)
+    sharp = float(np.sqrt((misfit[kept] ** 2).mean())) < MAX_MISFIT_PX and kept.mean() >= MIN_REGULAR
+    return eye if sharp else None
+
+
+def _candidates(points: Floats, pixels: Floats, kept: Bools) -> Iterator[tuple[Floats, Floats]]:
+    """Misfit [px] of every point and the viewpoint, for each kind of camera, fitted to the points that are kept."""
+    middle = points.mean(axis=0)
+    extent = float(np.abs(points - middle).max())
+    affine, misfit = _fitted(np.c_[points - middle, np.ones(len(points))], pixels, kept)
+    along = np.cross(*affine[:3].T)
+    yield misfit, middle + FAR * extent * along / max(float(np.linalg.norm(along)), 1e-300)
+    if (camera := resect(points[kept], pixels[kept])) is not None:
+        seen = points @ camera[:, :3].T + camera[:, 3]
+        eye: Floats = -np.linalg.lstsq(camera[:, :3], camera[:, 3], rcond=None)[0].astype(np.float64)
+        yield np.asarray(np.linalg.norm(seen[:, :2] / seen[:, 2:] - pixels, axis=1)), eye
+    if (np.sign(points[:, 2]) == np.sign(points[0, 2])).all() and np.abs(points[:, 2]).min() > 1e-3 * extent:
+        slope = points[:, :2] / points[:, 2:]
+        slope = slope - slope.mean(axis=0)
+        x, y = slope.T / max(float(np.abs(slope).max()), 1e-300)
+        terms = np.stack([x**i * y**j for i in range(DEGREE + 1) for j in range(DEGREE + 1 - i)], axis=1)
+        if len(points) > 5 * terms.shape[1]:
+            yield _fitted(terms, pixels, kept)[1], np.zeros(3)
+
+
+def _fitted(terms: Floats, pixels: Floats, kept: Bools) -> tuple[Floats, Floats]:
+    solution: Floats = np.linalg.lstsq(terms[kept], pixels[kept], rcond=None)[0].astype(np.float64)
+    return solution, np.asarray(np.linalg.norm(terms @ solution - pixels, axis=1))

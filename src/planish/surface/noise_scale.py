@@ -1,0 +1,163 @@
+"""Height and length of a scan's noise, white or not, from how far points lie off quadrics of growing radius."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from planish.geometry.vectors import dot, minus, plus, row, tangents, unit
+from planish.parallel import ParallelFor
+from planish.surface.normals import AREA, Ring, Rows
+from planish.types import Floats
+
+RADII = (2, 4, 8, 16)
+"""Radii of the patches, in edges."""
+
+PATCHES, ROOM = 200, 900
+"""Patches that are looked at, and room for the points of the largest: 817 on a regular mesh of radius 16."""
+
+UNKNOWNS = 6
+
+
+SATURATED = 1.75
+"""Noise stops growing with the radius of the patch once that is longer than the noise; bends do not."""
+
+PATCH_OF_MESH = 4
+"""Patches hold at most this part of the mesh's points."""
+
+
+class NoiseScale(NamedTuple):
+    """Noise of a scan, as patches of growing radius show it.
+
+    Attributes
+    ----------
+    height : float [mm]
+        Standard deviation across the surface; 0 where there is none.
+    alike : float
+        Correlation of the noise of two points that share an edge.
+    """
+
+    height: float
+    alike: float
+
+
+def noise_scale(points: Floats, rows: Rows, ring: Ring, least: float, parallel_for: ParallelFor) -> NoiseScale:
+    """Tell noise from bends: over `least` [mm], and no more of it in patches of twice the radius."""
+    off, alike = patch_noise(points, rows, ring, parallel_for)
+    for k in range(len(RADII) - 1):
+        radius = RADII[k + 1]
+        if PATCH_OF_MESH * 3 * radius * (radius + 1) > len(points):
+            break
+        known = np.isfinite(off[:, k]) & np.isfinite(off[:, k + 1])
+        if not known.any():
+            break
+        small, large = np.median(off[known, k]), np.median(off[known, k + 1])
+        if small > least and large < SATURATED * small:
+            return NoiseScale(float(large), float(np.median(alike[known, k + 1])))
+    return NoiseScale(0.0, 0.0)
+
+
+def patch_noise(points: Floats, rows: Rows, ring: Ring, parallel_for: ParallelFor) -> tuple[Floats, Floats]:
+    """Standard deviation [mm] of points from quadrics over patches of every radius, and how alike neighbours are.
+
+    Returns
+    -------
+    off : (k, 4) float64 [mm]
+        NaN for patches with too few points.
+    alike : (k, 4) float64
+        Correlation of the residuals of two points that share an edge: 0 for white noise, 1 for a smooth shape.
+    """
+    some = np.arange(0, len(points), max(1, len(points) // PATCHES))
+    off, alike = np.full((len(some), len(RADII)), np.nan), np.full((len(some), len(RADII)), np.nan)
+    parallel_for(_fit_patches, len(some), some, points, rows, ring, np.array(RADII), off, alike, block=50)
+    return off, alike
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _fit_patches(first, last, some, points, rows, ring, radii, off, alike):  # type: ignore[no-untyped-def]
+    near, stamp = np.empty(ROOM, np.int32), np.zeros(len(points), np.int32)
+    matrix = np.empty((UNKNOWNS, UNKNOWNS + 1))
+    terms, residual, place = np.empty((ROOM, UNKNOWNS)), np.empty(ROOM), np.empty(len(points), np.int32)
+    for k in range(first, last):
+        i = some[k]
+        near[0], stamp[i], place[i] = i, k + 1, 0
+        count, begin, level = 1, 0, 0
+        for r in range(len(radii)):
+            while level < radii[r]:  # one more ring
+                end = count
+                for a in range(begin, end):
+                    for q in range(ring.start[near[a]], ring.start[near[a] + 1]):
+                        j = ring.neighbour[q]
+                        if stamp[j] != k + 1 and count < ROOM:
+                            stamp[j], near[count], place[j] = k + 1, j, count
+                            count += 1
+                begin, level = end, level + 1
+            if count >= 2 * UNKNOWNS:
+                _fit_patch(i, near, count, points, rows, terms, residual, matrix)
+                off[k, r], alike[k, r] = _spread(near, count, place, stamp, k + 1, residual, ring)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _fit_patch(i, near, count, points, rows, terms, residual, matrix):  # type: ignore[no-untyped-def]
+    """Residuals of the patch's points from their quadric, across the mean of their area vectors."""
+    axis, middle = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    for q in range(count):
+        j = near[q]
+        axis = plus(axis, rows[j, AREA], row(rows, j))
+        middle = plus(middle, 1.0 / count, minus(row(points, j), row(points, i)))
+    axis = unit(axis)
+    s, t = tangents(axis)
+    spread = 0.0
+    for q in range(count):
+        step = minus(minus(row(points, near[q]), row(points, i)), middle)
+        u, v = dot(step, s), dot(step, t)
+        residual[q] = dot(step, axis)
+        terms[q, 0], terms[q, 1], terms[q, 2] = 1.0, u, v
+        spread += u * u + v * v
+    scale = 1.0 / math.sqrt(max(spread / count, 1e-300))
+    matrix[:] = 0.0
+    for q in range(count):
+        u, v = scale * terms[q, 1], scale * terms[q, 2]
+        terms[q, 1], terms[q, 2], terms[q, 3], terms[q, 4], terms[q, 5] = u, v, u * u, u * v, v * v
+        for x in range(UNKNOWNS):
+            for y in range(x, UNKNOWNS):
+                matrix[x, y] += terms[q, x] * terms[q, y]
+            matrix[x, UNKNOWNS] += terms[q, x] * residual[q]
+    solve_symmetric(matrix)
+    for q in range(count):
+        for x in range(UNKNOWNS):
+            residual[q] -= matrix[x, UNKNOWNS] * terms[q, x]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def solve_symmetric(matrix):  # type: ignore[no-untyped-def]
+    """Solve a positive definite system, given by its upper half and the right side beside it, in place."""
+    n = matrix.shape[0]
+    for x in range(n):
+        matrix[x, x] += 1e-9 * (matrix[0, 0] + matrix[x, x]) + 1e-300
+        for y in range(x):
+            matrix[x, y] = matrix[y, x]
+    for x in range(n):
+        for y in range(n):
+            if y != x:
+                factor = matrix[y, x] / matrix[x, x]
+                for c in range(x, n + 1):
+                    matrix[y, c] -= factor * matrix[x, c]
+    for x in range(n):
+        matrix[x, n] /= matrix[x, x]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _spread(near, count, place, stamp, mark, residual, ring):  # type: ignore[no-untyped-def]
+    squares, products, pairs = 0.0, 0.0, 0
+    for q in range(count):
+        squares += residual[q] * residual[q]
+        for p in range(ring.start[near[q]], ring.start[near[q] + 1]):
+            j = ring.neighbour[p]
+            if stamp[j] == mark and place[j] > q:
+                products, pairs = products + residual[q] * residual[place[j]], pairs + 1
+    variance = squares / (count - UNKNOWNS)
+    return math.sqrt(variance), products / max(pairs, 1) / max(squares / count, 1e-300)
