@@ -1,8 +1,8 @@
-"""Two fixed laser lines across an open book, one photo: the page is a cylinder over the profile that both lines show.
+"""Scan of an open book from one photo with two laser lines: a cylinder over their common profile.
 
-A cylinder here is any surface of parallel straight lines (rulings), as the pages of a bound book are near enough. Seen
-along the rulings, both laser lines lie on one curve. In polar coordinates around the camera, which sees every place of
-the page at another angle, the curve is a function: distance by angle.
+A cylinder here is any surface of parallel straight rulings, a good model of pages of a bound book. Seen along the
+rulings, both laser lines lie on one curve. In polar coordinates around the camera the curve is a function, distance by
+angle, because the camera sees every position of the page at another angle.
 """
 
 from __future__ import annotations
@@ -24,36 +24,36 @@ from planish.geometry.triangulation import meet_plane, rays
 from planish.types import Bools, Camera, Diagnostic, Floats, Pixels, Scan
 
 POINTS = 300_000
-"""Of the scan, about: the profile is known much finer than it bends."""
+"""Approximate number of points of the scan."""
 
 SMOOTHED_PX = 8
-"""Photo columns on either side over which the profile is fitted by a parabola."""
+"""Half width of the local parabola fits to the profile [photo columns]."""
 
 SEEN_SHARE = 0.2
-"""Part of the photo's columns in which both lines must be seen."""
+"""Least share of photo columns in which both lines are detected."""
 
 MAX_GAP = 0.01
-"""Distance of the lines' profiles from each other, in parts of the page's width, that is still a cylinder (median)."""
+"""Largest median distance between both profiles of a cylinder, relative to the page width."""
 
 GUTTER_DEG = 20.0
-"""A turn by so much at the profile's deepest place is a spine, over which it is not smoothed."""
+"""A kink of this angle at the deepest point of the profile is a gutter; it is not smoothed."""
 
 
 class Cylinder(NamedTuple):
-    """A surface of parallel lines, as the camera sees it.
+    """A surface of parallel rulings, in polar coordinates around the camera.
 
     Attributes
     ----------
     eye : (3,) float64 [mm]
-        The camera.
+        Camera centre.
     axes : (3, 3) float64
         Rows: across the page, away from the camera, and along the rulings; orthonormal.
     angle : (n,) float64 [rad]
-        Ascending: directions from the camera, seen along the rulings; 0 is straight away.
+        Directions from the camera across the rulings, ascending; 0 is the viewing direction.
     distance : (n,) float64 [mm]
-        Of the surface from the camera in that direction.
+        Distance of the surface in each direction.
     length : (n,) float64 [mm]
-        Along the profile.
+        Arc length along the profile.
     """
 
     eye: Floats
@@ -64,9 +64,9 @@ class Cylinder(NamedTuple):
 
 
 def without_laser(laser_on: Pixels, channel: int) -> Pixels:
-    """What a photo would look like with the laser off, from the two colours that the laser does not have.
+    """Estimate the photo without laser light from the two other channels.
 
-    Paper and ink are near enough grey; the laser's colour is told from theirs by the median of all pixels.
+    Paper and ink are assumed to be nearly grey; channels are balanced by the median over all pixels.
     """
     levels = np.iinfo(laser_on.dtype).max + 1
     light = linear_light(levels)[laser_on]
@@ -78,29 +78,29 @@ def without_laser(laser_on: Pixels, channel: int) -> Pixels:
 
 
 def laser_colour(laser_on: Pixels) -> int:
-    """Which of red, green and blue stands out most from the others somewhere: the laser's."""
+    """Channel of the laser: the one that exceeds the others most somewhere."""
     light = laser_on[::2, ::2].astype(np.float32)
     return int(np.argmax([np.quantile(2 * light[..., c] - light.sum(axis=2) + light[..., c], 0.995) for c in range(3)]))
 
 
 def find_two_lines(laser_on: Pixels, photo: Pixels | None = None) -> Floats:
-    """Find where two laser lines cross every column of a photo.
+    """Detect two laser lines in every column of a photo.
 
     Parameters
     ----------
     laser_on : (rows, cols, 3) uint8 or uint16
     photo : (rows, cols, 3) uint8 or uint16, optional
-        The same view with the lasers off. Without it paper and print are taken to be grey.
+        The same view with the lasers off. Without it paper and print are assumed to be grey.
 
     Returns
     -------
     (cols, 2) float64 [px]
-        Upper and lower row; NaN where not both are seen.
+        Row of the upper and the lower line; NaN unless both are detected.
 
     Raises
     ------
     InputError
-        If photos differ, or the lines are seen in too few columns.
+        If photos differ in size, or the lines are detected in too few columns.
     """
     if photo is not None and photo.shape != laser_on.shape:
         raise InputError(
@@ -121,7 +121,7 @@ def find_two_lines(laser_on: Pixels, photo: Pixels | None = None) -> Floats:
 
 
 def line_points(at: Floats, camera: Camera, planes: Floats) -> tuple[Floats, Floats]:
-    """The points (n, 3) [mm] of both lines, from the columns in which both are seen."""
+    """Triangulate both lines, in columns in which both are detected: two of (n, 3) [mm]."""
     both = np.isfinite(at).all(axis=1)
     found = []
     for line in range(2):
@@ -137,7 +137,7 @@ def line_points(at: Floats, camera: Camera, planes: Floats) -> tuple[Floats, Flo
 
 
 def fit_cylinder(upper: Floats, lower: Floats, camera: Camera) -> Cylinder:
-    """Find the cylinder that two lines on it show: the rulings along which they have one profile.
+    """Fit a cylinder to two lines: the ruling direction along which their profiles agree.
 
     Parameters
     ----------
@@ -147,7 +147,7 @@ def fit_cylinder(upper: Floats, lower: Floats, camera: Camera) -> Cylinder:
     Raises
     ------
     InputError
-        If there is no such direction: the page is no cylinder, or the planes are wrong.
+        If there is none: the page is no cylinder, or the planes are wrong.
     """
     eye = -camera.rotation.T @ np.ravel(camera.translation)
 
@@ -165,7 +165,7 @@ def fit_cylinder(upper: Floats, lower: Floats, camera: Camera) -> Cylinder:
 
 
 def cylinder_axes(camera: Camera, tilt: Floats) -> Floats:
-    """Axes (3, 3) of a cylinder whose rulings run down the photo, but for a tilt (2,) to the side and away [rad]."""
+    """Axes (3, 3) of a cylinder, rulings vertical on the photo up to a tilt (2,) sideways and in depth [rad]."""
     across, down, away = camera.rotation
     along = down + tilt[0] * across + tilt[1] * away
     along = along / np.linalg.norm(along)
@@ -175,7 +175,7 @@ def cylinder_axes(camera: Camera, tilt: Floats) -> Floats:
 
 
 def profile_gap(upper: Floats, lower: Floats, eye: Floats, axes: Floats) -> Floats:
-    """Distance of the lower line's points from the upper line's profile, across it, (n,) [mm]; 0 beyond its ends."""
+    """Distance (n,) [mm] of the lower line's points from the upper line's profile; 0 beyond its ends."""
     (angle, distance), (other_angle, other_distance) = _polar(upper, eye, axes), _polar(lower, eye, axes)
     order = np.argsort(angle)
     angle, distance = angle[order], distance[order]
@@ -186,7 +186,7 @@ def profile_gap(upper: Floats, lower: Floats, eye: Floats, axes: Floats) -> Floa
 
 
 def smooth_profile(upper: Floats, lower: Floats, eye: Floats, axes: Floats) -> Cylinder:
-    """The cylinder over the smoothed profile of both lines, with given axes."""
+    """Cylinder with given axes over the smoothed profile of both lines."""
     pairs = [_polar(points, eye, axes) for points in (upper, lower)]
     angle, distance = (np.concatenate([pair[k] for pair in pairs]) for k in (0, 1))
     order = np.argsort(angle, kind="stable")
@@ -206,7 +206,7 @@ def smooth_profile(upper: Floats, lower: Floats, eye: Floats, axes: Floats) -> C
 
 
 def intersect_cylinder(cylinder: Cylinder, directions: Floats) -> tuple[Floats, Floats]:
-    """Where rays from the camera meet the cylinder.
+    """Intersect rays from the camera with the cylinder.
 
     Parameters
     ----------
@@ -216,9 +216,9 @@ def intersect_cylinder(cylinder: Cylinder, directions: Floats) -> tuple[Floats, 
     Returns
     -------
     points : (k, 3) float64 [mm]
-        NaN beside the profile.
+        NaN outside of the profile.
     flat : (k, 2) float64 [mm]
-        Place on the unrolled surface: along the profile, and along the rulings.
+        Position on the unrolled surface: along the profile, and along the rulings.
     """
     across, away, along = (directions @ cylinder.axes.T).T
     angle = np.arctan2(across, away)
@@ -231,14 +231,14 @@ def intersect_cylinder(cylinder: Cylinder, directions: Floats) -> tuple[Floats, 
 def from_laser_lines(
     laser_on: Pixels, photo: Pixels | None, camera: Camera, planes: Floats, *, mask: Bools | str | None = "auto"
 ) -> AcquiredScan:
-    """Make a scan of a book page, or of two, from one photo with two laser lines on it.
+    """Make a scan of one or two book pages from one photo with two laser lines.
 
     Parameters
     ----------
     laser_on : (rows, cols, 3) uint8 or uint16
-        With both lines, which run across the photo; the book's spine and page sides run down it.
+        With both lines, which run across the photo; gutter and page sides are vertical.
     photo : (rows, cols, 3) uint8 or uint16, optional
-        With the lasers off: the scan's photo. Without it the lines stay in the picture.
+        With the lasers off: the scan's photo. Without it the lines remain visible.
     camera : Camera
     planes : (2, 4) float64
         Of the upper and the lower laser, a x + b y + c z + d = 0 [mm].
@@ -248,7 +248,7 @@ def from_laser_lines(
     Raises
     ------
     InputError
-        If sizes differ, lines are missing, or what they show is no cylinder.
+        If sizes differ, lines are missing, or the page is no cylinder.
     """
     if laser_on.shape[:2] != tuple(camera.shape_rc):
         raise InputError(
@@ -280,7 +280,7 @@ def from_laser_lines(
 
 
 def _polar(points: Floats, eye: Floats, axes: Floats) -> tuple[Floats, Floats]:
-    """Angle and distance of points around the camera, seen along the rulings."""
+    """Polar coordinates of points around the camera, across the rulings."""
     across, away, _ = ((points - eye) @ axes.T).T
     return np.arctan2(across, away), np.hypot(across, away)
 
@@ -295,7 +295,7 @@ def _box_filter(values: Floats, width: int = 9) -> Floats:
 
 
 def _gutter_angle(angle: Floats, distance: Floats) -> float:
-    """Angle of the deepest place, where the profile turns there sharply; else beyond the profile's end."""
+    """Angle of the deepest point if the profile has a kink there; else beyond its end."""
     deepest = int(np.argmax(distance))
     reach = max(10, len(angle) // 40)
     turn = 0.0
@@ -309,7 +309,7 @@ def _gutter_angle(angle: Floats, distance: Floats) -> float:
 
 
 def _local_parabola(nodes: Floats, angle: Floats, distance: Floats, reach: float, first: float, last: float) -> Floats:
-    """Least squares of a parabola around every node, samples near it counting more; wider where there are few."""
+    """Local weighted parabola fit at every node; wider where samples are sparse."""
     out = np.empty(len(nodes))
     for k, node in enumerate(nodes):
         wide = reach

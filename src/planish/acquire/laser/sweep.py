@@ -1,4 +1,4 @@
-"""A laser line swept over the sheet: every photo a line of points, all of them together one scan."""
+"""Scan from a swept laser line: one profile per photo, merged to one scan."""
 
 from __future__ import annotations
 
@@ -23,22 +23,22 @@ from planish.geometry.triangulation import meet_plane, rays
 from planish.types import Bools, Camera, Diagnostic, Floats, Pixels, Scan
 
 DIRECTION_SAMPLES = 500
-"""Rows, or columns, to tell the lines' direction from."""
+"""Rows or columns sampled to determine the direction of the lines."""
 
 SEEN_SHARE = 0.02
-"""Of a photo's rows in which a line must be found for the photo to show the laser at all."""
+"""Least share of rows with a line; below it a photo does not show the laser."""
 
 CLIPPED_REFUSED, CLIPPED_WARNED = 0.7, 0.35
-"""Part of the line's pixels in which the sensor is full: refused, and warned of."""
+"""Share of saturated line pixels from which a sweep is refused, and from which a warning is given."""
 
 MAX_RELATIVE_SD = 6.0
-"""Crossings with more than so many times the usual standard deviation are left out: half a line at the sheet's edge."""
+"""Crossings with more than so many times the median standard deviation are dropped: half lines at the sheet's edge."""
 
 MIN_WALL_ROWS = 10
-"""Rows in which a line must be seen on each known plane of the background."""
+"""Least number of rows with a line on each known background plane."""
 
 MAX_WALL_RMS = 0.005
-"""Rms, in parts of the lit stretch, by which a line on the background may miss one plane."""
+"""Largest rms distance of background points from one plane, relative to their extent."""
 
 Progress = Callable[[str, float], None]
 
@@ -52,33 +52,33 @@ def sweep_stripes(
     divide: bool = True,
     progress: Progress = lambda name, share: None,
 ) -> Sweep:
-    """Find the laser in every photo of a sweep; one photo is in memory at a time.
+    """Detect the laser lines in every photo of a sweep; one photo is in memory at a time.
 
     Parameters
     ----------
     frame : callable
-        Number of the frame, from 0 -> photo (rows, cols, 3) uint8 or uint16.
+        Index of the frame, from 0 -> photo (rows, cols, 3) uint8 or uint16.
     names : list of str
-        Of the frames, for messages.
+        Names of the frames, for messages.
     photo : (rows, cols, 3) uint8 or uint16
         The same view with the laser off.
     lines : int
         Laser lines in each photo.
     divide : bool
-        Whether the print is divided out; only to measure what that is worth.
+        Whether to divide out the print; False only to measure its effect.
     progress : callable
-        Told the stage's name and the share that is done.
+        Called with the stage's name and the completed share.
 
     Raises
     ------
     InputError
-        If photos differ in size, or show no laser, or are clipped.
+        If photos differ in size, show no laser, or are overexposed.
     """
     middle = frame(len(names) // 2)
     _check_size(middle, names[len(names) // 2], photo)
     channel = laser_channel(middle, photo)
     along = _direction(middle, photo, channel, lines)
-    del middle  # 36 MB that the peak does not need
+    del middle  # frees 36 MB
     laser_off = laser_off_image(photo, channel, along, divide=divide)
     found = np.full((2, len(names), len(laser_off.light), lines), np.nan, np.float32)
     clipped = np.zeros(len(names))
@@ -90,7 +90,7 @@ def sweep_stripes(
         clipped[k] = stripes.clipped_share
         progress("laser", (k + 1) / len(names))
     warnings: list[Diagnostic] = []
-    _check_exposure(clipped, names, warnings)  # first: a line that is clipped all over is not found
+    _check_exposure(clipped, names, warnings)  # first: a wholly saturated line is not detected
     _check_seen(found[0], names, warnings)
     return Sweep(found[0], found[1], along, warnings)
 
@@ -104,11 +104,11 @@ def from_laser(
     *,
     mask: Bools | str | None = "auto",
 ) -> AcquiredScan:
-    """Make a scan from a sweep: every crossing of a line and a row lies where the pixel's ray meets the laser's plane.
+    """Make a scan from a sweep by intersecting pixel rays with the laser planes.
 
-    The points of all photos are brought onto a grid of the camera's pixels, one in so many as the line moves from
-    photo to photo: at each grid point a surface, bent only across the lines, is fitted to the inverse depths around it,
-    which on a flat surface are linear over the photo.
+    The points of all photos are resampled to a grid of camera pixels with the step of the line from photo to photo. At
+    each grid point a surface, curved only across the lines, is fitted to the inverse depths around it, which are linear
+    over the image of a plane.
 
     Parameters
     ----------
@@ -116,17 +116,17 @@ def from_laser(
         From `sweep_stripes`.
     names : list of str
     photo : (rows, cols, 3) uint8 or uint16
-        With the laser off: the scan's photo.
+        The scan's photo, with the laser off.
     camera : Camera
     planes : (frames, lines, 4) float64
-        a x + b y + c z + d = 0 [mm] of every line, lines from left to right (top to bottom) on the photo.
+        a x + b y + c z + d = 0 [mm] of every line, from left to right (top to bottom) on the photo.
     mask : (rows, cols) bool, "auto" or None
-        Where on the photo the sheet is. auto: bright paper on darker ground, if it stands out; None: everywhere.
+        Sheet on the photo. auto: bright paper on a darker background, if it stands out; None: everything.
 
     Raises
     ------
     InputError
-        If the camera's numbers are for another size, planes and photos do not belong together, or nothing is seen.
+        If the camera has another size, planes and photos do not fit, or no line is detected.
     """
     _check_camera(photo, camera)
     sweep = sweep._replace(
@@ -151,18 +151,18 @@ def from_laser(
 
 
 def planes_from_background(sweep: Sweep, names: list[str], camera: Camera, known: Floats, regions: Floats) -> Floats:
-    """Find each photo's laser plane from where its line falls on two known planes beside the sheet.
+    """Determine the laser plane of each photo from its line on two known planes beside the sheet.
 
     Parameters
     ----------
     sweep : Sweep
-        Of one line a photo.
+        With one line per photo.
     names : list of str
     camera : Camera
     known : (k, 4) float64
-        Planes of the background [mm]; at least two that are not one plane.
+        Planes of the background [mm]; at least two different ones.
     regions : (k, 4) float64 [photo px]
-        Left, top, right and bottom of the part of the photos in which the laser falls on each.
+        Left, top, right and bottom of each plane's region on the photos.
 
     Returns
     -------
@@ -171,7 +171,7 @@ def planes_from_background(sweep: Sweep, names: list[str], camera: Camera, known
     Raises
     ------
     InputError
-        If a line is not seen on both, or what is seen does not lie in one plane.
+        If a line is not detected on both, or its points are not coplanar.
     """
     planes = np.empty((len(names), 1, 4))
     for k, name in enumerate(names):
@@ -198,9 +198,9 @@ def planes_from_background(sweep: Sweep, names: list[str], camera: Camera, known
 
 
 def fit_plane(points: Floats) -> tuple[Floats, float]:
-    """The plane (4,) through points (n, 3) that is least far from them, and their distance from it, rms [mm].
+    """Fit a plane (4,) to points (n, 3) by least squares; also return the rms distance [mm].
 
-    One point in a hundred may be far off: those beyond three times the rms are left out once.
+    The fit is repeated once without points beyond three times the rms.
     """
     points = points[np.isfinite(points).all(axis=1)]
     plane, rms = np.full(4, np.nan), np.inf
@@ -214,7 +214,7 @@ def fit_plane(points: Floats) -> tuple[Floats, float]:
 
 
 def downscale_camera(camera: Camera, cell: int, shape_rc: tuple[int, ...]) -> Camera:
-    """The camera with pixels `cell` times as large, their centres at integers again."""
+    """The camera with pixels `cell` times as large, pixel centres at integers."""
     matrix = camera.matrix.copy()
     matrix[:2] /= cell
     matrix[:2, 2] -= (cell - 1) / 2 / cell
@@ -222,13 +222,13 @@ def downscale_camera(camera: Camera, cell: int, shape_rc: tuple[int, ...]) -> Ca
 
 
 def crossings_xy(at: Floats, along: Direction) -> Floats:
-    """Photo places (count, 2) of one line's crossings (count,) with rows or columns."""
+    """Photo positions (count, 2) of one line's crossings (count,) with rows or columns."""
     count = np.arange(len(at), dtype=np.float64)
     return np.column_stack([at, count] if along == "rows" else [count, at]).astype(np.float64)
 
 
 def _inverse_depths(sweep: Sweep, camera: Camera, planes: Floats) -> Floats:
-    """1 / depth of every crossing, (frames, count, lines) [1/mm]; NaN where the plane is not before the camera."""
+    """1 / depth of every crossing, (frames, count, lines) [1/mm]; NaN behind the camera."""
     inverse = np.full(sweep.at.shape, np.nan)
     for k in range(len(planes)):
         for line in range(planes.shape[1]):
@@ -245,7 +245,7 @@ def _inverse_depths(sweep: Sweep, camera: Camera, planes: Floats) -> Floats:
 
 
 def _direction(laser_on: Pixels, photo: Pixels, channel: int, lines: int) -> Direction:
-    """Along the rows or the columns: where lines are narrower, and found in more of them."""
+    """Search direction, rows or columns, in which lines are narrower and more often detected."""
     best: Direction = "rows"
     most = -1.0
     directions: tuple[Direction, ...] = ("rows", "columns")

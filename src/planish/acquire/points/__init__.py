@@ -1,1 +1,1 @@
-"""Points in any order, as photogrammetry makes them."""
+"""Unorganised point clouds, for instance from photogrammetry."""

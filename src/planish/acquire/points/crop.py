@@ -1,4 +1,4 @@
-"""The sheet cut out of a meshed scene by what its photo shows; what that does not see goes with its surroundings."""
+"""Crop a meshed scene to the sheet by its photo; hidden parts follow their visible surroundings."""
 
 from __future__ import annotations
 
@@ -13,33 +13,33 @@ from planish.mesh import rasterize, without_small_components
 from planish.types import Bools, Camera, Floats, Mesh
 
 MIN_SHARE = 0.5
-"""A piece belongs to the sheet if at least this part of its points is seen, and seen on the sheet."""
+"""Least share of visible points on the sheet of a component that is kept."""
 
 STEEP_PX = 2.0
-"""A point is not hidden by what lies before it by less than so many pixels' width: a slope covers itself."""
+"""Depth tolerance of the visibility test, in pixel widths, for steep surfaces."""
 
 
 def crop_to_sheet(mesh: Mesh, camera: Camera, sheet: Bools, rim_mm: float, noise_mm: float) -> Mesh:
-    """Take out what a photo sees beside the sheet, and pieces that it does not see.
+    """Remove what the photo shows outside of the sheet, and components that it does not show.
 
-    What hides behind the sheet, as the table under a fold, is not seen at all: it stays only if it hangs together with
-    a piece most of which is seen on the sheet.
+    Hidden parts, such as the table under a fold, are kept only if they are connected to a component that is mostly
+    visible on the sheet.
 
     Parameters
     ----------
     mesh : Mesh
     camera : Camera
     sheet : (h, w) bool
-        Where on its photo the sheet is.
+        Mask of the sheet on the photo.
     rim_mm : float
-        So much of the sheet's border is left out, where a mesh of points runs down to the table.
+        Width of the removed rim, where the mesh bends down to the table.
     noise_mm : float
-        By which the points may be off.
+        Standard deviation of the points.
 
     Raises
     ------
     InputError
-        If nothing is left.
+        If nothing remains.
     """
     xy = project(camera, mesh.points)
     visible = _visible(mesh, camera, xy, rim_mm + 3 * noise_mm)
@@ -62,7 +62,7 @@ def crop_to_sheet(mesh: Mesh, camera: Camera, sheet: Bools, rim_mm: float, noise
 
 
 def _visible(mesh: Mesh, camera: Camera, xy: Floats, reach_mm: float) -> Bools:
-    """Which points of a mesh have nothing before them."""
+    """Which points of a mesh are not occluded."""
     depth = depths(camera, mesh.points)
     face, weights = rasterize(xy, mesh.faces, camera.shape_rc, nearness=1 / depth, perspective=True)
     rendered_depth = np.full(face.shape, np.inf)

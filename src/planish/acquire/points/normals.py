@@ -1,4 +1,4 @@
-"""Points in any order: how dense and how noisy they are, which of them are strays, and which way the surface faces."""
+"""Local planes of a point cloud: normals, spacing, noise, outliers, and consistent orientation."""
 
 from __future__ import annotations
 
@@ -11,41 +11,41 @@ from scipy.spatial import cKDTree
 from planish.types import Bools, Floats
 
 NEIGHBOURS = 24
-"""That a plane is fitted to around every point; twice, four times, eight times as many where noise asks for it."""
+"""Neighbours per plane fit; doubled up to three times if the noise is high."""
 
 MIN_REACH = 4.0
-"""The neighbours must reach this many standard deviations of the noise, or the plane stands any way."""
+"""Least radius of the neighbourhood in standard deviations of the noise; with less the normal is undetermined."""
 
 ISOLATED = 4.0
-"""Points whose eighth neighbour is this many times as far away as usual are strays..."""
+"""Points whose eighth neighbour is this many times farther than the median are outliers..."""
 
 OUTLIER = 4.0
-"""...and so are those off their neighbours' plane by so many standard deviations of the noise, ..."""
+"""...and so are those off their neighbours' plane by so many standard deviations of the noise..."""
 
 CREASE = 0.5
-"""...if that is more than this part of the spacing: at a crease points lie off the plane without being wrong."""
+"""...and by this share of the spacing: at creases good points lie off the plane."""
 
 COARSE = 4.0
-"""Sides are made to agree among points this many spacings apart; the others follow the nearest."""
+"""Spacing of the points among which orientation is propagated, in point spacings; the others follow the nearest."""
 
 GRAPH_NEIGHBOURS = 10
-"""Neighbours of each such point that it may agree with."""
+"""Neighbours of each of them in the graph."""
 
 BLOCK = 50_000
 
 
 @dataclass(frozen=True, eq=False)
 class TangentPlanes:
-    """Planes around the points of a cloud.
+    """Tangent planes of a point cloud.
 
     Attributes
     ----------
     kept : (n,) bool
-        Which of the points are no strays; all else is of these.
+        Inliers; everything else refers to them.
     normals : (k, 3) float64
-        Of unknown sign.
+        Unoriented.
     spacing_mm : float
-        Side of the square that belongs to a point, typically.
+        Typical side of the square per point.
     noise_mm : float
         Standard deviation of the points off their neighbours' planes.
     """
@@ -57,7 +57,7 @@ class TangentPlanes:
 
 
 def fit_tangent_planes(points: Floats) -> TangentPlanes:
-    """Fit a plane to the neighbours of every point, (n, 3) [mm], and leave out strays.
+    """Fit a plane to the neighbours of every point, (n, 3) [mm], and reject outliers.
 
     Examples
     --------
@@ -80,10 +80,7 @@ def fit_tangent_planes(points: Floats) -> TangentPlanes:
 
 
 def _fit_planes(points: Floats, count: int) -> tuple[Floats, Floats, Floats, Floats]:
-    """Planes through the nearest points of each: their normals, and how far the point is off its own.
-
-    Then how far away the last of the nearest is, and the eighth.
-    """
+    """Fit a plane to the nearest points of each: normals, residuals, distances of the last and the eighth neighbour."""
     tree = cKDTree(points)
     normals = np.empty_like(points)
     residual, reach, eighth = np.empty((3, len(points)))
@@ -101,17 +98,17 @@ def _fit_planes(points: Floats, count: int) -> tuple[Floats, Floats, Floats, Flo
 
 
 def orient_normals(points: Floats, normals: Floats, spacing_mm: float, towards: Floats) -> Floats:
-    """Turn normals so that neighbours agree, and each piece of the surface faces where most of its points should.
+    """Orient normals consistently; each component faces where most of its points should.
 
-    Agreement spreads along a minimum spanning tree of the neighbours whose normals differ least (Hoppe et al. 1992),
-    so that it goes around curls.
+    Orientation is propagated along a minimum spanning tree of the neighbourhood graph, weighted by normal deviation
+    (Hoppe et al. 1992), so that it follows curls.
 
     Parameters
     ----------
     points, normals : (n, 3) float64
     spacing_mm : float
     towards : (n, 3) float64
-        For each point a direction into which its normal should rather point.
+        Preferred direction of each normal.
     """
     cells = np.floor((points - points.min(axis=0)) / (COARSE * spacing_mm)).astype(np.int64)
     some = np.unique(cells, axis=0, return_index=True)[1]

@@ -1,4 +1,4 @@
-"""A photo made of the colours of points: the meshed sheet as a camera far above it sees it."""
+"""Render a photo from coloured points: the meshed sheet as seen by a distant camera above it."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ from planish.mesh import point_normals, rasterize
 from planish.types import Camera, Floats, Mesh, Pixels
 
 FAR = 3.0
-"""Distance of the camera from the sheet, in parts of its extent."""
+"""Distance of the camera, in extents of the sheet."""
 
 PIXEL = 0.5
-"""Side of a pixel, in spacings of the points: two pixels a point show all that the colours hold."""
+"""Pixel size, in point spacings: two pixels per point keep all detail of the colours."""
 
 MOST_PIXELS = 40e6
 
 MARGIN_PX = 8
 
 BLENDED_POINTS = 4
-"""Nearest points whose colours are mixed."""
+"""Number of nearest points that are blended."""
 
 BLOCK = 200_000
 
 
 def camera_above(mesh: Mesh, pixel_mm: float) -> Camera:
-    """Place a camera over the middle of a mesh that sees its printed side, at so many mm a pixel.
+    """Place a camera above the centre of a mesh, facing its printed side, with a given pixel size.
 
-    Its columns run along the world's x as far as the direction allows.
+    Image columns follow the world's x axis as far as possible.
     """
     points = mesh.points
     upward = normalize(point_normals(points, mesh.faces).mean(axis=0))
@@ -52,18 +52,18 @@ def camera_above(mesh: Mesh, pixel_mm: float) -> Camera:
 
 
 def render_points(mesh: Mesh, camera: Camera, points: Floats, colours: Pixels) -> Pixels:
-    """Take a photo of a mesh in the colours of the points that it was made from.
+    """Render a mesh in the colours of the points it was made from.
 
-    Beside the mesh the colours of its border run on: black there would bleed into it, and be taken for the ground.
+    Outside of the mesh the nearest colours are repeated, since black would bleed into it.
 
     Parameters
     ----------
     mesh : Mesh
     camera : Camera
-        Without a lens.
+        Without distortion.
     points : (n, 3) float64 [mm]
     colours : (n, 3) uint8 or uint16
-        A pixel mixes those of the nearest four points, by the inverse square of their distance.
+        Pixels blend the nearest four points by inverse squared distance.
 
     Returns
     -------

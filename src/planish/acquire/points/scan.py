@@ -1,4 +1,4 @@
-"""Points in any order, as photogrammetry makes them, become a scan: meshed, cut to the sheet, with a photo."""
+"""Make a scan from an unorganised point cloud: mesh it, crop it to the sheet, add a photo."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from planish.geometry.guards import TINY_MM
 from planish.types import Bools, Camera, Diagnostic, Floats, Pixels, Scan
 
 MIN_POINTS = 500
-"""Points that a sheet must have: fewer do not even show a fold."""
+"""Least number of points of a sheet: fewer do not resolve a fold."""
 
 MAX_POINTS = 600_000
-"""More points are averaged, cell by cell, down to about so many before they are meshed."""
+"""Larger clouds are averaged per grid cell to about so many points before meshing."""
 
 
 def from_points(
@@ -35,30 +35,30 @@ def from_points(
     seen_from: Floats | None = None,
     mask: Bools | str | None = "auto",
 ) -> AcquiredScan:
-    """Make a scan from points in any order.
+    """Make a scan from an unorganised point cloud.
 
-    Which side is printed is told by `seen_from` or the camera, else by the normals, else by the origin if it lies in
-    front of all points; else it is the side towards +z, and that is said.
+    The printed side follows from `seen_from` or the camera, else from the normals, else from the origin if it lies in
+    front of all points; else it is the side towards +z, with a warning.
 
     Parameters
     ----------
     points : (n, 3) float64 [mm]
-        Those at 0 0 0 or not finite are left out.
+        Those at 0 0 0 or not finite are ignored.
     colours : (n, 3) uint8 or uint16, optional
-        Become the photo, where no other is given.
+        Used to render a photo if none is given.
     normals : (n, 3) float64, optional
-        Away from the printed side, as rough as they may be.
+        Roughly outward from the printed side.
     photo, photo_camera : (h, w, 3) uint8 or uint16, and Camera, optional
-        A photo and the camera that took it, in the world of the points.
+        A photo and its camera, in the frame of the points.
     seen_from : (3,) float64 [mm], optional
-        Any place from which the printed side was seen.
+        Any position from which the printed side is visible.
     mask : (h, w) bool, "auto" or None
-        Where on the photo the sheet is. auto: bright paper on darker ground, if it stands out; None: everywhere.
+        Sheet on the photo. auto: bright paper on a darker background, if it stands out; None: everything.
 
     Raises
     ------
     InputError
-        If there are too few points, they make no surface, or the photo is not of its camera's size.
+        If there are too few points, they form no surface, or photo and camera differ in size.
     MissingExtraError
         If scikit-image is not installed.
     """
@@ -88,13 +88,13 @@ def from_points(
         assert photo_camera is not None
         if sheet is not None:
             mesh = crop_to_sheet(mesh, photo_camera, sheet, CELL * found.spacing_mm, found.noise_mm)
-    camera = photo_camera or camera_above(mesh, found.spacing_mm)  # without a photo, places to draw a picture by
+    camera = photo_camera or camera_above(mesh, found.spacing_mm)  # without a photo, positions for the preview
     scan = Scan(mesh, photo, project(camera, mesh.points), None if photo is None else photo_camera)
     return AcquiredScan(scan, _confidence(mesh.points, sample), found.noise_mm, tuple(warnings))
 
 
 def _subsample(points: Floats, normals: Floats | None) -> tuple[Floats, Floats | None]:
-    """At most about `MAX_POINTS` points: means over the cells of a grid."""
+    """Reduce to about `MAX_POINTS` points by averaging over grid cells."""
     if len(points) <= MAX_POINTS:
         return points, normals
     side = _spacing(points) * np.sqrt(len(points) / MAX_POINTS)
@@ -110,7 +110,7 @@ def _subsample(points: Floats, normals: Floats | None) -> tuple[Floats, Floats |
 
 
 def _spacing(points: Floats) -> float:
-    """Side of the square that belongs to a point, by the distance of the eighth neighbour of some."""
+    """Side of the square per point, from the distance of the eighth neighbour of a sample."""
     sample = points[:: 1 + len(points) // 5000]
     return float(np.median(cKDTree(points).query(sample, 9, workers=2)[0][:, -1]) * np.sqrt(np.pi / 8))
 
@@ -118,7 +118,7 @@ def _spacing(points: Floats) -> float:
 def _printed_side(
     points: Floats, normals: Floats | None, camera: Camera | None, seen_from: Floats | None
 ) -> tuple[Floats, list[Diagnostic]]:
-    """For each point a direction towards the printed side, and what is to be said of it."""
+    """Direction towards the printed side for each point, and warnings."""
     if seen_from is None and camera is not None:
         seen_from = -camera.rotation.T @ np.ravel(camera.translation)
     if seen_from is not None:
@@ -130,13 +130,13 @@ def _printed_side(
         return origin - points, []
     guessed = Diagnostic(
         "printed-side-guessed",
-        "nothing tells which side is printed, so it was taken to be the one towards +z",
+        "the printed side is unknown and was assumed to be the one towards +z",
         "give {seen_from} if the page comes out mirrored",
     )
     return np.tile([0.0, 0.0, 1.0], (len(points), 1)), [guessed]
 
 
 def _confidence(vertices: Floats, points: Floats) -> Floats:
-    """How dense the points are around each corner of the mesh, against the usual; at most 1."""
+    """Point density around each vertex, relative to the median, at most 1."""
     reach = cKDTree(points).query(vertices, min(8, len(points)), workers=2)[0][:, -1]
     return np.clip((np.median(reach) / np.maximum(reach, TINY_MM)) ** 2, 0, 1)

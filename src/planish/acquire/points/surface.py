@@ -1,7 +1,7 @@
-"""The surface through noisy points with normals: a signed distance on a grid, meshed by scikit-image's marching cubes.
+"""Surface reconstruction from noisy oriented points: a signed distance on a grid, meshed by marching cubes.
 
-The distance is that of implicit moving least squares (Kolluri 2005): the mean of the distances from the tangent planes
-of the points around, the near ones counting most. It averages noise away without drawing curved paper in.
+The distance is that of implicit moving least squares (Kolluri 2005): the weighted mean of distances to the tangent
+planes of nearby points. It averages noise without shrinking curved paper.
 """
 
 from __future__ import annotations
@@ -16,58 +16,57 @@ from planish.mesh import without_small_components
 from planish.types import Bools, Floats, Ints, Mesh
 
 CELL = 1.5
-"""Side of a grid cell, in spacings of the points."""
+"""Side of a grid cell, in point spacings."""
 
 KERNEL_WIDTH = 1.2
-"""Width of the Gaussian that weighs points, in cells: about eight points count."""
+"""Width of the Gaussian weights, in cells: about eight points contribute."""
 
 NEAREST = 24
-"""Points that are asked at each node."""
+"""Nearest points per node."""
 
 MAX_NODES = 1e8
-"""Of the grid's box, filled or not; larger sheets get larger cells."""
+"""Most nodes of the grid's bounding box; larger sheets get larger cells."""
 
 SNAP = 0.15
-"""Nodes nearer to the surface than this part of a cell are taken to lie on it, which spares slivers; the corners are
-moved back to the surface afterwards."""
+"""Nodes closer to the surface than this share of a cell are snapped to it, which avoids slivers; vertices are projected
+back to the surface afterwards."""
 
 MERGE_TOLERANCE = 1e-3
-"""Corners nearer to each other, in cells, are one."""
+"""Vertices closer than this, in cells, are merged."""
 
 AROUND = 16
-"""Points that are looked at to tell whether the mesh runs on where there are none."""
+"""Nearest points in the test whether a vertex lies beyond the border of the points."""
 
 BORDER_GAP_DEG = 215.0
-"""A corner of the mesh is off the sheet if no point lies in so wide an angle around it; on a straight border it
-is 180."""
+"""A vertex is beyond the border if an angle of this size around it has no points; on a straight border it is 180."""
 
 ONE_SIDED = 0.3
-"""Only corners are asked whose neighbours lie this much to one side, in parts of their distance."""
+"""Only vertices are tested whose neighbours are this one-sided, relative to their distance."""
 
 BLOCK = 50_000
 
 
 def reconstruct_surface(points: Floats, normals: Floats, spacing_mm: float) -> Mesh:
-    """Mesh the surface through points.
+    """Reconstruct the surface through points.
 
     Parameters
     ----------
     points : (n, 3) float64 [mm]
     normals : (n, 3) float64
-        All towards the same side.
+        Consistently oriented.
     spacing_mm : float
-        Side of the square that belongs to a point.
+        Side of the square per point.
 
     Returns
     -------
     Mesh
-        Its faces counter-clockwise seen from where the normals point. It ends where the points end, closes gaps of up
-        to about three spacings, and lacks small loose pieces.
+        Faces are counter-clockwise seen from the side of the normals. It ends where the points end, closes gaps of up
+        to about three spacings, and has no small components.
 
     Raises
     ------
     InputError
-        If the points make no surface.
+        If the points form no surface.
     MissingExtraError
         If scikit-image is not installed.
     """
@@ -102,7 +101,7 @@ def reconstruct_surface(points: Floats, normals: Floats, spacing_mm: float) -> M
 
 
 def import_marching_cubes():  # type: ignore[no-untyped-def]
-    """Scikit-image's marching cubes.
+    """Import scikit-image's marching cubes.
 
     Raises
     ------
@@ -117,7 +116,7 @@ def import_marching_cubes():  # type: ignore[no-untyped-def]
 
 
 def _merge_vertices(vertices: Floats, faces: Ints) -> tuple[Floats, Ints]:
-    """Corners that were snapped to one node made one, and faces without area taken out."""
+    """Merge vertices snapped to one node, and drop degenerate faces."""
     _, first, which = np.unique(
         np.rint(vertices / MERGE_TOLERANCE).astype(np.int64), axis=0, return_index=True, return_inverse=True
     )
@@ -161,7 +160,7 @@ def _on_sheet(vertices: Floats, points: Floats, normals: Floats, tree: cKDTree) 
 
 
 def _widest_gap(around: Floats, normal: Floats) -> Floats:
-    """Widest angle [rad] at the origin, in the planes of the normals (k, 3), with none of the points (k, m, 3)."""
+    """Widest angle [rad] around the origin, in the planes of the normals (k, 3), without points (k, m, 3)."""
     across = normalize(np.cross(normal, np.eye(3)[np.abs(normal).argmin(axis=1)]))
     along = np.cross(normal, across)
     angle = np.arctan2((around * along[:, None]).sum(axis=2), (around * across[:, None]).sum(axis=2))

@@ -1,4 +1,4 @@
-"""Depth cameras: several noisy depth maps and a colour photo become one scan."""
+"""Make a scan from noisy depth maps and a colour photo."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from planish.parallel import thread_pool
 from planish.types import Bools, Camera, Floats, Pixels, Scan
 
 OUTLIER = 3.5
-"""Frames that differ from the median by more than so many standard deviations do not count in the mean."""
+"""Outlier threshold of frames against the median, in standard deviations."""
 
 MIN_TOLERANCE = 0.005
-"""Nor do frames count as outliers within this part of the depth: depths often come in whole millimetres."""
+"""Deviations below this share of the depth are no outliers: depths are often whole millimetres."""
 
 MIN_FRAME_SHARE = 0.5
-"""A pixel counts where at least this part of the frames has a depth."""
+"""Least share of frames with a depth at a valid pixel."""
 
 
 def from_depth(
@@ -41,20 +41,20 @@ def from_depth(
     Parameters
     ----------
     frames : sequence of (rows, cols) float64 [mm]
-        Depth along the camera's axis; 0 or NaN where there is none. Several of the same still scene are averaged.
+        Depth along the camera's axis; 0 or NaN where there is none. Frames of the same static scene are averaged.
     camera : Camera
         The depth camera.
     photo : (h, w, 3) uint8 or uint16
     photo_camera : Camera, optional
-        That took the photo, in the same world as `camera`. By default the photo is registered to the depth maps:
-        of their size, or larger or smaller by the same factor both ways.
+        Camera of the photo, in the frame of `camera`. By default the photo is registered to the depth maps: of their
+        size, or scaled by one factor.
     mask : (h, w) bool, "auto" or None
-        Where on the photo the sheet is. auto: bright paper on darker ground, if it stands out; None: everywhere.
+        Sheet on the photo. auto: bright paper on a darker background, if it stands out; None: everything.
 
     Raises
     ------
     InputError
-        If the maps differ in size, hold no depth, or do not belong to the cameras.
+        If maps differ in size, have no depth, or do not fit the cameras.
     """
     stack = _stack_frames(frames, camera)
     seen_from = _photo_camera(camera, photo, photo_camera)
@@ -86,7 +86,7 @@ def average_frames(stack: Floats | NDArray[np.float32]) -> tuple[Floats, Floats]
     depth : (rows, cols) float64 [mm]
         NaN where fewer than half of the frames have one.
     agreement : (rows, cols) float64
-        Part of the frames that went into the mean.
+        Share of frames in the mean.
 
     Examples
     --------
@@ -128,10 +128,10 @@ def _average(first, last, stack, depth, agreement):  # type: ignore[no-untyped-d
 
 
 def remove_flying_pixels(depth: Floats, camera: Camera, noise_mm: float = 0.0) -> Floats:
-    """Take out pixels that hang in the air between a near and a far surface, as depth cameras make at edges.
+    """Remove flying pixels: interpolated depths between a near and a far surface at edges.
 
-    Such a pixel's neighbours, left and right or above and below, lie one in front of it and one behind, each by more
-    than half the step at which surfaces are no longer joined.
+    Opposite neighbours of a flying pixel lie in front of and behind it, each by more than half the discontinuity
+    threshold.
 
     Parameters
     ----------
@@ -148,12 +148,12 @@ def remove_flying_pixels(depth: Floats, camera: Camera, noise_mm: float = 0.0) -
 
 
 def flying_pixels(distance: Floats, half: Sequence[Floats]) -> Bools:
-    """Which pixels hang between a nearer and a farther neighbour, more than `half` a jump from both.
+    """Detect pixels between a nearer and a farther neighbour, more than `half` a discontinuity from both.
 
     Parameters
     ----------
     distance : (rows, cols) float64
-        How far away each pixel's point is; NaN where there is none.
+        Distance of each pixel's point; NaN where there is none.
     half : two of (rows, cols) float64
         For the neighbours above and below, and for those to the left and right.
     """
@@ -167,7 +167,7 @@ def flying_pixels(distance: Floats, half: Sequence[Floats]) -> Bools:
 
 
 def back_project(camera: Camera, depth: Floats) -> Floats:
-    """Put depths along a camera's axis, (rows, cols) [mm], into the world: (rows, cols, 3) [mm]."""
+    """Back-project depths (rows, cols) [mm] along the optical axis to world points (rows, cols, 3) [mm]."""
     rows, cols = depth.shape
     xy = np.stack(np.meshgrid(np.arange(cols), np.arange(rows)), axis=-1).reshape(-1, 2).astype(np.float64)
     directions, eye = rays(camera, xy)
@@ -176,13 +176,13 @@ def back_project(camera: Camera, depth: Floats) -> Floats:
 
 
 def apply_mask(points: Floats, camera: Camera, mask: Bools) -> Floats:
-    """The map of points (rows, cols, 3) with NaN where a photo's mask (h, w) is false, or the photo ends."""
+    """Set points (rows, cols, 3) to NaN where a photo's mask (h, w) is false or the photo ends."""
     keep = inside_mask(project(camera, points.reshape(-1, 3)), mask)
     return np.where(keep.reshape(*points.shape[:2], 1), points, np.nan)
 
 
 def inside_mask(xy: Floats, mask: Bools) -> Bools:
-    """Which places (k, 2) [px] lie where a mask (h, w) is true; none does that is not finite or not on it."""
+    """Which positions (k, 2) [px] lie inside a mask (h, w); False if not finite or outside of the image."""
     column, row = np.rint(np.nan_to_num(xy, nan=-1, posinf=-1, neginf=-1)).T
     inside = (row >= 0) & (row < mask.shape[0]) & (column >= 0) & (column < mask.shape[1])
     keep = np.zeros(len(row), bool)
@@ -193,7 +193,7 @@ def inside_mask(xy: Floats, mask: Bools) -> Bools:
 def pixel_noise(depth: Floats) -> float:
     """Standard deviation of the noise from pixel to pixel, in the unit of the depths (rows, cols).
 
-    Found from second differences along the rows: those of a surface are small.
+    Estimated from second differences along the rows, which are small on a surface.
     """
     second = depth[:, :-2] - 2 * depth[:, 1:-1] + depth[:, 2:]
     second = second[np.isfinite(second)]
@@ -222,7 +222,7 @@ def _stack_frames(frames: Sequence[Floats], camera: Camera) -> NDArray[np.float3
 
 
 def _photo_camera(camera: Camera, photo: Pixels, photo_camera: Camera | None) -> Camera:
-    """The camera of the photo: the one given, or the depth camera at the photo's size."""
+    """Camera of the photo: the given one, or the depth camera scaled to the photo's size."""
     shape = photo.shape[:2]
     if photo_camera is not None:
         check_photo_size(photo, photo_camera)
@@ -242,7 +242,7 @@ def _photo_camera(camera: Camera, photo: Pixels, photo_camera: Camera | None) ->
 
 
 def check_photo_size(photo: Pixels, camera: Camera) -> None:
-    """Refuse a photo that is not of its camera's size."""
+    """Refuse a photo whose size differs from its camera's."""
     if photo.shape[:2] != tuple(camera.shape_rc):
         raise InputError(
             f"the photo is {_size(photo.shape)} pixels, but its camera's numbers are for {_size(camera.shape_rc)}; "

@@ -1,4 +1,4 @@
-"""Range images: points in rows and columns, as scanners export them, become a scan without their camera."""
+"""Make a scan from a range image: an organised point map, without its camera."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from planish.geometry.guards import TINY_MM
 from planish.types import Bools, Camera, Diagnostic, Floats, Pixels, Scan
 
 MIN_DISTANCE = 0.3
-"""The origin is taken for the scanner's place if it is farther from all points than this part of their extent..."""
+"""The origin is the scanner position if it is farther from all points than this share of their extent..."""
 
 MIN_COSINE = 0.5
-"""...and sees them all within a cone of 60 degrees around the middle: the cosine of that."""
+"""...and sees all points within a cone of 60 degrees around the centre: its cosine."""
 
 
 def from_grid(
@@ -32,28 +32,27 @@ def from_grid(
 ) -> AcquiredScan:
     """Make a scan from a range image.
 
-    Where the scanner stood tells what is a depth jump and which side was seen. Without it the points are taken for
-    heights over a plane, seen as the rows and columns show them. A lone pixel without a point between four that lie on
-    one surface is bridged.
+    The scanner position defines depth discontinuities and the visible side. Without it the points are treated as
+    heights over a plane, seen in the order of rows and columns. Single missing pixels within a surface are filled.
 
     Parameters
     ----------
     points : (rows, cols, 3) float64 [mm]
-        Row 0 on top, as an image; 0 0 0 or NaN where nothing was seen.
+        Row 0 at the top; 0 0 0 or NaN for missing points.
     photo : (h, w, 3) uint8 or uint16, or None
-        The points' colours or another photo registered to them: of their size, or larger or smaller by the same
-        factor both ways; any photo if it has a camera.
+        Colours of the points or a registered photo, of their size or scaled by one factor; any photo if its camera
+        is given.
     photo_camera : Camera, optional
-        That took the photo, in the world of the points.
+        Camera of the photo, in the frame of the points.
     seen_from : (3,) float64 [mm], optional
-        Where the scanner stood; by default the origin, if that lies in front of all points and not among them.
+        Scanner position; by default the origin, if it lies in front of all points and not among them.
     mask : (h, w) bool, "auto" or None
-        Where on the photo the sheet is. auto: bright paper on darker ground, if it stands out; None: everywhere.
+        Sheet on the photo. auto: bright paper on a darker background, if it stands out; None: everything.
 
     Raises
     ------
     InputError
-        If no pixel holds a point, no three neighbours make a surface, or photo and points do not belong together.
+        If there are no points, no three neighbours form a surface, or photo and points do not fit.
 
     Examples
     --------
@@ -99,9 +98,9 @@ def from_grid(
 
 
 def grid_photo(points: Floats, colours: Pixels) -> Pixels:
-    """The colours (rows, cols, 3) of a range image's points as a photo: black pixels without a point are filled in.
+    """Photo from the colours (rows, cols, 3) of a range image; black pixels without points are filled.
 
-    They take the colour of the nearest that has a point, so that no black bleeds into the sheet's border.
+    They take the nearest valid colour, so that no black bleeds into the border of the sheet.
     """
     empty = ~(np.isfinite(points).all(axis=2) & points.any(axis=2)) & ~colours.any(axis=2)
     if not empty.any() or empty.all():
@@ -111,7 +110,7 @@ def grid_photo(points: Floats, colours: Pixels) -> Pixels:
 
 
 def plausible_origin(points: Floats) -> Floats | None:
-    """The origin, if a scanner may have stood there: in front of the points (k, 3), and not among them."""
+    """The origin if it is a plausible scanner position: in front of the points (k, 3), not among them."""
     distance_mm = np.linalg.norm(points, axis=1)
     extent = float(np.linalg.norm(np.ptp(points, axis=0)))
     if not distance_mm.min() > MIN_DISTANCE * extent:
@@ -122,17 +121,16 @@ def plausible_origin(points: Floats) -> Floats | None:
 
 
 def _is_mirrored(points: Floats, eye: Floats) -> bool:
-    """Whether rows and columns run as the sheet's back would be seen: right x down points away from who sees it."""
+    """Whether rows and columns are mirrored: right x down points away from the viewer."""
     here = points[:-1, :-1]
     outwards = np.cross(points[:-1, 1:] - here, points[1:, :-1] - here)
     return bool(np.nansum(outwards * (here - eye)) < 0)
 
 
 def _viewing_coordinates(points: Floats, known: Bools, eye: Floats | None) -> tuple[Floats, float]:
-    """Each pixel across the line of sight, and last how far away; and how many mm a unit of that is, typically.
+    """Coordinates across the line of sight, then distance; and the typical mm per unit.
 
-    From a place: directions and the logarithm of the distance. Without: two coordinates in the plane that fits the
-    points best, and the height over it.
+    With a viewpoint: directions and log distance. Without: coordinates in the best-fitting plane, and height above it.
     """
     if eye is None:
         flat = points[known]
@@ -144,7 +142,7 @@ def _viewing_coordinates(points: Floats, known: Bools, eye: Floats | None) -> tu
 
 
 def _fill_single_gaps(points: Floats, relative: Floats, known: Bools, step: float) -> tuple[Floats, Floats, Bools]:
-    """Give a lone pixel without a point the mean of its four neighbours, where these lie on one surface."""
+    """Fill single missing pixels with the mean of their four neighbours if these lie on one surface."""
     around = [np.full_like(relative, np.nan) for _ in range(4)]
     around[0][1:], around[1][:-1] = relative[:-1], relative[1:]
     around[2][:, 1:], around[3][:, :-1] = relative[:, :-1], relative[:, 1:]
@@ -164,7 +162,7 @@ def _pitch(across: Floats) -> float:
 
 
 def _photo_positions(points: Floats, pixel_xy: Floats, photo: Pixels | None, camera: Camera | None) -> Floats:
-    """Where on the photo each pixel's point lies, (rows, cols, 2) [photo px]; the pixels themselves without a photo."""
+    """Photo positions of the points, (rows, cols, 2) [photo px]; pixel coordinates without a photo."""
     if photo is None:
         return pixel_xy
     if camera is not None:

@@ -1,4 +1,4 @@
-"""Rows and columns of points that may be a range image: told by the file, by the user, or by the points themselves."""
+"""Rows and columns of a range image: from the file, the user, or the points themselves."""
 
 from __future__ import annotations
 
@@ -9,35 +9,35 @@ from planish.geometry.axes import principal_axes
 from planish.types import Bools, Floats
 
 MAX_STEP = 5.0
-"""Neighbours in a row, and in a column, lie within so many times the mean distance of as many points spread evenly."""
+"""Largest step between neighbours, in mean distances of evenly spread points."""
 
 MAX_STEP_SHARE = 0.25
-"""Nor are they neighbours if they lie this part of the whole apart."""
+"""Largest step between neighbours, relative to the extent."""
 
 MIN_SINE = 0.5
-"""A step down a column leads across a step along a row: at least the sine of 30 degrees between them."""
+"""Least sine of the angle between column and row steps (30 degrees)."""
 
 SAMPLE = 20_000
-"""Pairs of points that are looked at for each possible width."""
+"""Pairs of points sampled for each candidate width."""
 
 
 def grid_shape(
     points: Floats, file_shape: tuple[int, int] | None, user_shape: tuple[int, int] | None
 ) -> tuple[int, int]:
-    """Rows and columns of a range image.
+    """Determine rows and columns of a range image.
 
     Parameters
     ----------
     points : (n, 3) float64
     file_shape : (int, int) or None
-        Rows and columns that the file names.
+        Rows and columns given in the file.
     user_shape : (int, int) or None
-        Rows and columns that the user names; they win.
+        Rows and columns given by the user; they take precedence.
 
     Raises
     ------
     InputError
-        If they do not make n pixels, or none are named and the points stand in no order of rows.
+        If they do not give n pixels, or none are given and the points are not organised in rows.
     """
     wanted = user_shape or file_shape
     if wanted is None:
@@ -59,12 +59,12 @@ def grid_shape(
 
 
 def detect_grid_shape(points: Floats) -> tuple[int, int] | None:
-    """Rows and columns in which points stand, found from how near they are to their neighbours; None if in no rows.
+    """Detect rows and columns of organised points from neighbour distances; None if there are none.
 
     Parameters
     ----------
     points : (n, 3) float64
-        Row after row; 0 0 0 or NaN where a pixel holds none.
+        Row by row; 0 0 0 or NaN for missing points.
 
     Examples
     --------
@@ -95,7 +95,7 @@ def detect_grid_shape(points: Floats) -> tuple[int, int] | None:
 
 
 def _step(points: Floats, known: Bools, lag: int) -> tuple[Floats, float]:
-    """Median step between points that stand `lag` apart, and its median length; of a sample."""
+    """Median step between points `lag` apart, and its median length, of a sample."""
     pairs = np.flatnonzero(known[:-lag] & known[lag:])
     if not len(pairs):
         return np.zeros(3), 0.0

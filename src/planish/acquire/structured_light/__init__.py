@@ -1,1 +1,1 @@
-"""Gray code and phase shift: captures decoded, checked, triangulated and meshed."""
+"""Structured light with Gray code and phase shift: check, decode, triangulate and mesh captures."""

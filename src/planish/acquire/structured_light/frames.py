@@ -1,4 +1,4 @@
-"""Whether the photos of a Gray code are all there, in order, and well exposed; and if not, which are to blame."""
+"""Check Gray code captures for completeness, order and exposure; errors name the faulty photos."""
 
 from __future__ import annotations
 
@@ -10,43 +10,43 @@ from planish.errors import InputError
 from planish.types import Bools, Diagnostic
 
 MIN_LIT_SHARE = 0.01
-"""The projector must light at least this part of the photo."""
+"""Least share of the photo lit by the projector."""
 
 CLIPPED, NEARLY = 0.25, 0.985
-"""At most this part of the lit pixels may be at or above so much of the greatest value under white."""
+"""Largest share of lit pixels at or above this share of the highest value under white."""
 
 PAIRED = 0.06
 """Pattern and inverse together are at least white and black together, to this part of their difference (mean). They may
 be more: where fine stripes blur, a camera that brightens dark tones (sRGB) shows both brighter than half."""
 
 DUPLICATE_DIFFERENCE = 0.1
-"""Two photos show the same pattern where their difference is below this part of white minus black (mean)."""
+"""Mean difference of duplicates, relative to white minus black, at most."""
 
 MIN_CONTRAST = 0.3
-"""Of the brightest contrast: what is darker is not asked about the order."""
+"""Least contrast, relative to the brightest, of pixels in the test of the order."""
 
 MIN_AGREEMENT = 0.45
-"""Part of the stripe edges at which each lower bit must be what the code has there."""
+"""Least share of stripe edges at which each lower bit agrees with the code."""
 
 MIN_RESOLVED = 0.2
 """A bit whose pattern and inverse differ by less than this part of white and black (mean) is too fine to be seen."""
 
 MIN_EDGES = 50
-"""Of a bit, in the photo, to say anything about the lower ones."""
+"""Least number of stripe edges of a bit in the test of lower bits."""
 
 MAX_UNRESOLVED = 2
 """Finest bits of a code that may be unresolved. On a book page places are 0.003, 0.016 and 0.013 pixels off (median)
 with none, one and two; waves are for more."""
 
 EDGE_STEP = 4
-"""Every so many rows and columns are looked through for edges."""
+"""Subsampling of rows and columns in the search for edges."""
 
 SAMPLED_SIDE = 160
-"""Rows and columns of the thinned-out photos on which all this is seen, about."""
+"""Approximate rows and columns of the subsampled photos used for all checks."""
 
 
 def check_frames(frames: Grey, shape_rc: tuple[int, int]) -> list[Diagnostic]:
-    """Refuse photos that cannot be decoded, with a sentence that says which are to blame.
+    """Refuse photos that cannot be decoded, naming the faulty ones.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ def unresolved_bits(frames: Grey, shape_rc: tuple[int, int]) -> tuple[int, int]:
 
 
 def lit_pixels(small: NDArray[np.float32]) -> Bools:
-    """Where the photos differ most from each other: lit by the projector, whichever photo is missing."""
+    """Mask of pixels lit by the projector: those that vary most; works with missing photos."""
     spread = np.ptp(small, axis=0)
     return np.asarray(spread > 0.5 * np.quantile(spread, 0.98))
 
@@ -157,9 +157,9 @@ def _check_count(small: NDArray[np.float32], lit: Bools, wanted: int, shape_rc: 
 
 
 def _find_duplicate(small: NDArray[np.float32], lit: Bools) -> int | None:
-    """Number, from 1, of the first photo whose successor shows the same stripes.
+    """Number, from 1, of the first photo with the same stripes as its successor.
 
-    Wide stripes may look alike where only part of them is in view: photos that are all bright or all dark do not count.
+    Photos that are all bright or all dark are ignored: partial views of wide stripes may look alike.
     """
     seen = small[:, lit]
     low, high = seen.min(axis=0), seen.max(axis=0)
@@ -179,7 +179,7 @@ def unpaired(small: NDArray[np.float32], lit: Bools, k: int) -> bool:
 
 
 def _resolved(small: NDArray[np.float32], lit: Bools, bit: int) -> bool:
-    """Whether the stripes of a bit are seen at all."""
+    """Whether the stripes of a bit are resolved."""
     contrast = np.abs(small[-2, lit] - small[-1, lit])
     return bool(np.mean(np.abs(small[2 * bit, lit] - small[2 * bit + 1, lit]) / contrast) > MIN_RESOLVED)
 
@@ -201,14 +201,12 @@ def _check_pairs(small: NDArray[np.float32], lit: Bools, bits: int) -> None:
 
 
 def _check_order(frames: Grey, first: int, last: int, name: str) -> None:
-    """Refuse bits that are not where a Gray code has them.
+    """Refuse bits in the wrong order.
 
     At the edge of a stripe of one bit, the next lower bit is 1 and all those below it are 0.
     """
     bits_here, bits_there = _neighbours(frames, first, last)
-    stripes = (bits_here != bits_there).sum(
-        axis=0
-    ) == 1  # where the scene has an edge of its own, more of the bits change
+    stripes = (bits_here != bits_there).sum(axis=0) == 1  # at edges of the scene more bits change
     for k in range(1, last - first):
         agreement = []
         for j in range(k):
@@ -227,7 +225,7 @@ def _check_order(frames: Grey, first: int, last: int, name: str) -> None:
 
 
 def _neighbours(frames: Grey, first: int, last: int) -> tuple[Bools, Bools]:
-    """The bits first to last at pixels and at their right or lower neighbours, both lit: two of (bits, k)."""
+    """Bits first to last at lit pixels and at their lit right or lower neighbours: two of (bits, k)."""
     pattern, inverse = frames[2 * first : 2 * last : 2], frames[2 * first + 1 : 2 * last : 2]
     contrast = frames[-2].astype(np.float32) - frames[-1]
     lit = contrast > MIN_CONTRAST * np.quantile(contrast, 0.98)

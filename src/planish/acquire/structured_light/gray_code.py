@@ -1,7 +1,7 @@
-"""Gray code: the patterns that a projector throws, and what a camera's photos of them say.
+"""Gray code: generate projector patterns and decode camera photos.
 
-The order is OpenCV's: for every bit of the projector's column, the highest first, a photo of the pattern and one of
-its inverse; the same for the rows; then all white, and all black.
+The order is OpenCV's: for every bit of the projector's column, highest first, the pattern and its inverse; the same
+for the rows; then white and black.
 """
 
 from __future__ import annotations
@@ -19,23 +19,23 @@ from planish.types import Bools, Floats, Ints, freeze
 Grey = NDArray[np.uint8] | NDArray[np.uint16]
 
 MIN_CONFIDENCE = 0.05
-"""A bit is read surely where pattern and inverse differ by this part of white and black. One bit of each code may
-be less sure than that: the one whose stripe ends at the pixel."""
+"""Least difference of pattern and inverse, relative to white minus black, for a reliable bit. One bit per code may be
+less reliable: that of a stripe edge at the pixel."""
 
 MIN_LIT = 0.02
-"""White must be brighter than black by this part of the brightest value for a pixel to be lit by the projector."""
+"""Least difference of white and black, relative to the highest value, of a lit pixel."""
 
 
 @dataclass(frozen=True, eq=False)
 class Codes:
-    """Which pixel of the projector each pixel of the camera sees.
+    """Projector pixel seen by each camera pixel.
 
     Attributes
     ----------
     column, row : (rows, cols) int32
-        -1 where the code could not be read.
+        -1 where decoding failed.
     confidence : (rows, cols) float64
-        From 0 to 1: how far pattern and inverse are apart, against white and black, for the weakest sure bit.
+        0 to 1: difference of pattern and inverse, relative to white minus black, of the weakest reliable bit.
     """
 
     column: Ints
@@ -47,7 +47,7 @@ class Codes:
 
 
 def bits_for(count: int) -> int:
-    """How many bits number so many columns or rows.
+    """Number of bits for so many columns or rows.
 
     Examples
     --------
@@ -58,7 +58,7 @@ def bits_for(count: int) -> int:
 
 
 def frame_count(shape_rc: tuple[int, int]) -> int:
-    """How many images the code of a projector of so many rows and columns has.
+    """Number of images of the code of a projector with so many rows and columns.
 
     Examples
     --------
@@ -69,7 +69,7 @@ def frame_count(shape_rc: tuple[int, int]) -> int:
 
 
 def patterns(shape_rc: tuple[int, int]) -> Iterator[NDArray[np.uint8]]:
-    """Make the images for a projector of so many rows and columns: (rows, cols) uint8, 0 or 255.
+    """Generate the patterns of a projector with so many rows and columns: (rows, cols) uint8, 0 or 255.
 
     Examples
     --------
@@ -90,7 +90,7 @@ def patterns(shape_rc: tuple[int, int]) -> Iterator[NDArray[np.uint8]]:
 
 
 def decode(frames: Grey, shape_rc: tuple[int, int], *, skipped_bits: int | tuple[int, int] = 0) -> Codes:
-    """Read the code at every pixel of the camera.
+    """Decode the Gray code at every camera pixel.
 
     Parameters
     ----------
@@ -121,7 +121,7 @@ def decode(frames: Grey, shape_rc: tuple[int, int], *, skipped_bits: int | tuple
 
 
 def white_level(frames: Grey) -> float:
-    """The value of white that the frames' scale ends at: 255, or for 16 bits what they reach."""
+    """White level of the frames: 255, or the maximum for 16 bits."""
     return 255.0 if frames.dtype == np.uint8 else float(frames.max())
 
 
@@ -155,10 +155,10 @@ def _decode(  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _number(first, count, frames, start, bits, contrast, number, confidence_of_bit):  # type: ignore[no-untyped-def]
-    """The numbers that one code gives, and how sure the second weakest bit of each is."""
+    """Decode one code; also return the reliability of its second weakest bit."""
     bit, weakest = np.zeros(count, np.int32), np.full(count, np.float32(1.0))
     number[first : first + count], confidence_of_bit[:] = 0, 1.0
-    for k in range(bits):  # frame by frame, as they lie in memory
+    for k in range(bits):  # frame by frame: memory order
         for i in range(count):
             difference = np.float32(frames[start + 2 * k, first + i]) - np.float32(frames[start + 2 * k + 1, first + i])
             bit[i] ^= np.int32(difference > 0)  # binary bit k is the parity of the Gray bits from the highest to k
@@ -169,5 +169,5 @@ def _number(first, count, frames, start, bits, contrast, number, confidence_of_b
 
 
 def lit_mask(frames: Grey) -> Bools:
-    """Where the projector's white reaches what the camera sees, (rows, cols)."""
+    """Mask (rows, cols) of camera pixels lit by the projector."""
     return np.asarray(frames[-2].astype(np.float32) - frames[-1] >= MIN_LIT * white_level(frames))

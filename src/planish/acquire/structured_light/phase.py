@@ -1,11 +1,10 @@
-"""Phase shift on top of the Gray code: waves of light that tell the place on the projector at every single pixel.
+"""Phase shifting in addition to the Gray code: the projector position at every single pixel.
 
-For the projector's columns, then for its rows, a cosine is shown `steps` times, each time shifted by the same part of
-its period. Photos of it go between those of the code and white. At each pixel I_k = A + B cos(phi - 2 pi k / steps),
-whose phase phi is the place within a period, whatever the paper's colour A and the contrast B. Which period it is the
-Gray code says, but only its bits down to half a period are asked: the middle of a half period is never more than a
-quarter from the true place. So an error of one step beside the edge of a stripe does no harm, and stripes that are too
-fine to be seen are not needed.
+For the projector's columns, then for its rows, a cosine is shown `steps` times, shifted by equal parts of its period;
+the photos come between those of the code and white. At each pixel I_k = A + B cos(phi - 2 pi k / steps), whose phase
+phi is the position within a period, independent of reflectance A and contrast B. The period is unwrapped by the Gray
+code bits down to half a period: the centre of a half period is at most a quarter period from the true position. So
+errors of one step at stripe edges do no harm, and stripes too fine to be resolved are not needed.
 """
 
 from __future__ import annotations
@@ -24,32 +23,32 @@ from planish.parallel import thread_pool
 from planish.types import Floats
 
 PERIOD = 16
-"""Pixels of the projector: four times the finest stripes of the code, whose pairs the camera must resolve otherwise."""
+"""Period in projector pixels: four times the finest stripe pair that the camera must resolve otherwise."""
 
 HALF_BITS = 3
-"""Lowest bits of the code that lie within half a period."""
+"""Number of lowest code bits within half a period."""
 
 MEAN_LEVEL, AMPLITUDE = 127, 126
-"""Grey values of the waves. With an even swing no value lies halfway, to be rounded as the processor likes."""
+"""Grey values of the cosines. With an even amplitude no value is exactly halfway between two levels."""
 
 STEP_RANGE = 3, 16
-"""Fewest and most. So many steps cancel all overtones of the cosine below steps - 1, such as a projector's gamma."""
+"""Fewest and most steps. They cancel all harmonics below steps - 1, for instance of the projector's gamma."""
 
 MAX_PHASE_ERROR = 3 / 8
-"""Of a period: a phase this far from the middle of its half period belongs to another; a quarter is usual."""
+"""Largest distance from the centre of the half period, in periods; a quarter is normal."""
 
 
 class PhaseMap(NamedTuple):
-    """What the waves say at each pixel of the camera.
+    """Result of phase decoding at each camera pixel.
 
     Attributes
     ----------
     projector_xy : (rows, cols, 2) float32 [projector px]
-        x right, y down; NaN where it is not known.
+        x right, y down; NaN where unknown.
     weight : (rows, cols, 2) float32
-        Inverse variance, for noise of one level of the photos; 0 where the place is not known.
+        Inverse variance for noise of one grey level; 0 where unknown.
     confidence : (rows, cols) float64
-        From 0 to 1: contrast of the fainter of both waves against that of white and black.
+        0 to 1: contrast of the weaker of both cosines, relative to white minus black.
     """
 
     projector_xy: NDArray[np.float32]
@@ -58,7 +57,7 @@ class PhaseMap(NamedTuple):
 
 
 def patterns(shape_rc: tuple[int, int], steps: int) -> Iterator[NDArray[np.uint8]]:
-    """Make the waves for a projector of so many rows and columns: 2 `steps` images (rows, cols) uint8.
+    """Generate the phase patterns of a projector with so many rows and columns: 2 `steps` images (rows, cols) uint8.
 
     Examples
     --------
@@ -81,7 +80,7 @@ def patterns(shape_rc: tuple[int, int], steps: int) -> Iterator[NDArray[np.uint8
 
 
 def all_patterns(shape_rc: tuple[int, int], steps: int) -> Iterator[NDArray[np.uint8]]:
-    """Make all that a projector has to show: the Gray code, the waves unless `steps` is 0, white, black.
+    """Generate all patterns of a capture: Gray code, phase patterns unless `steps` is 0, white, black.
 
     Examples
     --------
@@ -97,12 +96,12 @@ def all_patterns(shape_rc: tuple[int, int], steps: int) -> Iterator[NDArray[np.u
 
 
 def phase_steps(count: int, shape_rc: tuple[int, int]) -> int:
-    """How many steps of phase so many photos hold beside the Gray code; 0 if they are none.
+    """Number of phase steps among so many photos; 0 if there are only those of the Gray code.
 
     Raises
     ------
     InputError
-        If there are photos of waves, but not as many for the rows as for the columns.
+        If the number of phase photos differs between rows and columns.
 
     Examples
     --------
@@ -122,12 +121,12 @@ def phase_steps(count: int, shape_rc: tuple[int, int]) -> int:
 
 
 def decode_phase(frames: Grey, waves: Grey, shape_rc: tuple[int, int]) -> PhaseMap:
-    """Find the place on the projector that each pixel sees from the phase of the waves.
+    """Decode the projector position of each camera pixel from the phase.
 
     Parameters
     ----------
     frames : (n, rows, cols) uint8 or uint16
-        Of the Gray code alone, as for `gray_code.decode`.
+        Gray code only, as for `gray_code.decode`.
     waves : (2 steps, rows, cols), of the same kind
         In the order of `patterns`.
     shape_rc : (int, int)

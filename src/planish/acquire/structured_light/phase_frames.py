@@ -1,6 +1,6 @@
-"""Whether the photos of waves are those that follow on the Gray code's, and in order; and if not, which are to blame.
+"""Check phase captures for completeness and order; errors name the faulty photos.
 
-The Gray code says which column and row each pixel sees, and so what every photo of a wave must show there.
+The Gray code gives the column and row seen by each pixel, and so the expected value of every phase pattern.
 """
 
 from __future__ import annotations
@@ -14,19 +14,19 @@ from planish.acquire.structured_light.phase import HALF_BITS, PERIOD, STEP_RANGE
 from planish.errors import InputError
 
 QUARTER_BITS = HALF_BITS - 1
-"""Lowest bits of the code that lie within a quarter of a period: the coarsest steps that still tell a wave's shift."""
+"""Number of lowest code bits within a quarter period: the coarsest steps that still resolve the shift of a cosine."""
 
 MIN_CONTRAST = 0.3
-"""Contrast of a wave against white and black, from which it is one: quarter periods tell 0.9 of it."""
+"""Least contrast of a phase pattern, relative to white minus black; quarter periods preserve 0.9 of it."""
 
 MAX_STEP_ERROR = 0.4
-"""Of a step: a wave that stands farther from its place is another one."""
+"""Largest deviation of a phase shift, in steps."""
 
 AXES = "columns", "rows"
 
 
 def check_count(frames: Grey, shape_rc: tuple[int, int]) -> None:
-    """Refuse an odd number of photos beside the Gray code's, and say which is missing or doubled.
+    """Refuse an odd number of phase photos, naming the missing or duplicated one.
 
     Parameters
     ----------
@@ -66,12 +66,12 @@ def check_count(frames: Grey, shape_rc: tuple[int, int]) -> None:
 
 
 def check_waves(frames: Grey, waves: Grey, shape_rc: tuple[int, int]) -> None:
-    """Refuse photos of waves that are doubled, out of order or of something else.
+    """Refuse phase photos that are duplicated, out of order or of something else.
 
     Parameters
     ----------
     frames : (n, rows, cols) uint8 or uint16
-        Of the Gray code alone.
+        Gray code only.
     waves : (2 steps, rows, cols), of the same kind
         In the order of `phase.patterns`.
     shape_rc : (int, int)
@@ -107,9 +107,9 @@ def check_waves(frames: Grey, waves: Grey, shape_rc: tuple[int, int]) -> None:
 
 
 def _wave_contrasts(frames: Grey, waves: Grey, shape_rc: tuple[int, int]) -> NDArray[np.complex128]:
-    """Contrast and place of the wave along the columns and along the rows in each photo, (2 steps, 2) complex.
+    """Complex amplitude of the cosine along columns and rows in each photo: (2 steps, 2).
 
-    The photo, less its mean, times exp(2 pi i x / PERIOD), x the middle of the quarter period that the code tells.
+    Correlation of the photo, minus its mean, with exp(2 pi i x / PERIOD), x the centre of the decoded quarter period.
     """
     subsampling = max(1, min(frames.shape[1:]) // SAMPLED_SIDE)
     some = frames[:, ::subsampling, ::subsampling].copy()

@@ -1,4 +1,4 @@
-"""A camera and a projector that are calibrated to each other: points from pairs of pixels, and whether they fit."""
+"""Triangulation between a calibrated camera and projector, and a consistency check of the calibration."""
 
 from __future__ import annotations
 
@@ -11,64 +11,63 @@ from planish.geometry.triangulation import rays
 from planish.types import Camera, Floats
 
 SAMPLE = 1000
-"""Pairs that tell whether code and calibration belong together."""
+"""Number of pixel pairs in the consistency check."""
 
 FACTORS = np.exp(np.linspace(np.log(1 / 8), np.log(8), 209))
-"""Of the projector's scale, that are tried: steps of 2 %."""
+"""Scale factors of the projector that are tried: steps of 2 %."""
 
 MAX_GAP_PX = 2.5
-"""Rays of a fitting pair miss each other by less, in pixels of the code (median)."""
+"""Largest median epipolar error of a usable calibration [code px]."""
 
 USUAL_GAP_PX = 0.7
-"""Rays of a good calibration miss each other by less."""
+"""Largest median epipolar error of a good calibration [code px]."""
 
 SCALE_GAIN = 3.0
-"""Another scale must fit so many times better before it is the scale that is to blame."""
+"""Least improvement of the error by which another scale is blamed."""
 
 MIN_SCALE_CHANGE = 0.04
-"""A factor this near to 1 is no other resolution: small turns of a projector look like that."""
+"""Least deviation of the factor from 1: small rotations of a projector look alike below it."""
 
 FLATNESS_GAIN = 0.5
-"""By a scale of columns or rows alone, or where rays miss little, planes must come out so many times as flat."""
+"""Ratio of flatness that a scale of columns or rows alone, or a scale at a small error, must reach."""
 
 FLAT_SHARE, PLANES = 0.3, 300
-"""Part of the view that is taken to be one plane, such as a board, a wall or the table, and planes that are tried."""
+"""Share of the view assumed to be one plane, such as a board, wall or table, and number of planes tried."""
 
 COMMON_FACTORS = np.array([1 / 8, 1 / 6, 1 / 5, 1 / 4, 1 / 3, 1 / 2, 2 / 3, 3 / 4, 4 / 3, 3 / 2, 2, 3, 4, 5, 6, 8])
-"""Factors that people's resolutions differ by; one within 2 % is named as such."""
+"""Common ratios of resolutions; a factor within 2 % of one is reported as such."""
 
 
 SCALED = {"pixels": np.array([1.0, 1.0]), "columns": np.array([1.0, 0.0]), "rows": np.array([0.0, 1.0])}
-"""What of the projector may have another scale: exponents of the factor for the columns and for the rows."""
+"""Axes of the projector that may be scaled: exponents of the factor for columns and rows."""
 
 
 def triangulate_pairs(
     camera: Camera, projector: Camera, camera_xy: Floats, projector_xy: Floats
 ) -> tuple[Floats, Floats]:
-    """Find the points that a camera sees at its pixels and a projector lights from its own.
+    """Triangulate corresponding camera and projector pixels.
 
-    On each ray of the camera, the point that falls closest to the projector's pixel: with q = q0 + t q1 the ray in the
-    projector's frame and (a, b) the pixel in its plane at distance 1, t is the least squares solution of
-    q_x - a q_z = 0 and q_y - b q_z = 0.
+    The point on each camera ray with the least reprojection error in the projector: with q = q0 + t q1 the ray in the
+    projector's frame and (a, b) the normalised projector pixel, t is the least-squares solution of q_x - a q_z = 0 and
+    q_y - b q_z = 0.
 
     Parameters
     ----------
     camera, projector : Camera
-        In one world.
+        In one frame.
     camera_xy, projector_xy : (k, 2) float64 [px]
 
     Returns
     -------
     points : (k, 3) float64 [mm]
-        NaN where the rays meet nowhere before both.
+        NaN where rays do not meet in front of both.
     errors_px : (k,) float64 [projector px]
-        How far from its pixel the point falls on the projector: across the epipolar line, since along it the point
-        was free.
+        Reprojection error of the point in the projector: its distance from the epipolar line.
     """
     directions, eye = rays(camera, camera_xy)
     light_rays, lamp_centre = rays(projector, projector_xy)
     seen = light_rays @ projector.rotation.T
-    undistorted = seen[:, :2] / seen[:, 2:]  # NaN where the lens folds over and has no ray
+    undistorted = seen[:, :2] / seen[:, 2:]  # NaN outside of the invertible range of the distortion
     start = projector.rotation @ (eye - lamp_centre)
     ray_directions = directions @ projector.rotation.T
     slope = ray_directions[:, :2] - undistorted * ray_directions[:, 2:]
@@ -84,7 +83,7 @@ def triangulate_pairs(
 
 
 def projector_of_code(projector: Camera, factor: float) -> Camera:
-    """The same projector with pixels `factor` times as wide and high: those of its code, where they are not its own."""
+    """The projector with pixels `factor` times as large: those of a code of lower resolution."""
     return _scaled(projector, factor, factor)
 
 
@@ -97,30 +96,29 @@ def _scaled(projector: Camera, across: float, down: float) -> Camera:
 
 
 def check_fit(camera: Camera, projector: Camera, camera_xy: Floats, code_xy: Floats) -> float:
-    """Refuse a calibration whose rays miss each other, and name the factor if the projector's scale is to blame.
+    """Refuse a calibration with large epipolar errors, and report the factor if the projector's scale is wrong.
 
-    A wrong scale of the projector's pixels bends all rays of light, so that they miss the camera's. How far, as a
-    median over the image and in pixels of the code, is a sharp minimum at the right scale. It is weak for the rows'
-    scale alone where the projector stands above the camera, and for the columns' where it stands beside: there a second
-    witness is asked, the flattest part of the view, which a wrong scale bends. With axes quite parallel neither sees
-    anything: then such an error keeps rays together and planes flat, and only a known size could tell.
+    A wrong pixel scale deflects the projector's rays, so the median epipolar error has a sharp minimum at the right
+    scale. The minimum is weak for the rows' scale if the projector is above the camera, and for the columns' if it is
+    beside it; then the flatness of the flattest part of the view decides as well. With parallel optical axes neither
+    detects the error, and only a known size would.
 
     Parameters
     ----------
     camera, projector : Camera
-        The projector in pixels of the code.
+        Projector in code pixels.
     camera_xy, code_xy : (k, 2) float64 [px]
-        From all of the view: what lies around the sheet is often flat.
+        From the whole view: surroundings of the sheet are often flat.
 
     Returns
     -------
     float
-        The median miss [code px].
+        Median epipolar error [code px].
 
     Raises
     ------
     InputError
-        Naming the factor, or, if no scale fits, saying by how much the rays miss.
+        With the factor, or with the error if no scale fits.
     """
     some = slice(None, None, max(1, len(camera_xy) // SAMPLE))
     seen, lit = camera_xy[some], code_xy[some]
@@ -164,9 +162,9 @@ def check_fit(camera: Camera, projector: Camera, camera_xy: Floats, code_xy: Flo
 def _best_scale(
     camera: Camera, projector: Camera, camera_xy: Floats, code_xy: Floats, axes: Floats
 ) -> tuple[float, float]:
-    """The factor of the projector's columns, rows or both at which rays miss each other least, and by how much."""
+    """Scale factor of columns, rows or both with the least median error, and that error."""
     around, best = FACTORS, 1.0
-    for _ in range(2):  # the minimum is narrow: once more between its neighbours
+    for _ in range(2):  # refined once: the minimum is narrow
         errors_px = [_median_error_px(camera, _scaled(projector, *f**axes), camera_xy, code_xy) for f in around]
         best = float(around[int(np.argmin(errors_px))])
         around = best * np.linspace(0.98, 1.02, 41)
@@ -174,16 +172,16 @@ def _best_scale(
 
 
 def _flatness_mm(camera: Camera, projector: Camera, camera_xy: Floats, code_xy: Floats) -> float:
-    """How far the flattest part of the view, FLAT_SHARE of it, lies off one plane at most [mm].
+    """Largest distance [mm] of the flattest FLAT_SHARE of the view from one plane.
 
-    Least over many planes through three points each (least quantile of absolute distances).
+    Minimum over many planes through three points each (least quantile of absolute distances).
     """
     points, _ = triangulate_pairs(camera, projector, camera_xy, code_xy)
     points = points[np.isfinite(points).all(axis=1)]
     a, b, c = points[np.random.default_rng(0).integers(len(points), size=(3, PLANES))]
     normal = np.cross(b - a, c - a)
     size = np.linalg.norm(normal, axis=1)
-    normal = normal[size > 0] / size[size > 0, None]  # not where a point was drawn twice
+    normal = normal[size > 0] / size[size > 0, None]  # skips duplicate draws
     distance = np.abs(points @ normal.T - (a[size > 0] * normal).sum(axis=1))
     return float(np.quantile(distance, FLAT_SHARE, axis=0).min())
 

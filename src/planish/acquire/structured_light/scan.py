@@ -1,4 +1,4 @@
-"""Gray code captures to scans: checked, decoded, refined, triangulated, and meshed on the camera's grid."""
+"""Make scans from Gray code captures: check, decode, refine, triangulate, and mesh on the camera's grid."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planish.acquire.grid_mesh import AcquiredScan, grid_mesh
+from planish.acquire.range_image.depth import pixel_noise
 from planish.acquire.structured_light.frames import check_frames, unresolved_bits
 from planish.acquire.structured_light.gray_code import Grey, decode, frame_count
 from planish.acquire.structured_light.phase import decode_phase, phase_steps
@@ -18,21 +19,21 @@ from planish.errors import InputError, UsageError
 from planish.types import Bools, Camera, Diagnostic, Floats, Pixels, Scan
 
 SAMPLED_SIDE = 50
-"""Rows and columns of pixels all over the view, about, that tell whether calibration and code belong together."""
+"""Approximate rows and columns of the pixels sampled for the consistency check."""
 
 MAX_EXTRA_ERROR_PX = 3.0
-"""A point whose rays miss each other by so many more pixels of the code than usual is left out."""
+"""Points whose epipolar error exceeds the median by more are rejected [code px]."""
 
 
 class Correspondence(NamedTuple):
-    """Which place on the projector each pixel of the camera sees.
+    """Projector position seen by each camera pixel.
 
     Attributes
     ----------
     projector_xy : (rows, cols, 2) float64 [projector px]
-        x right, y down, pixel centres at integers; NaN where it is not known.
+        x right, y down, pixel centres at integers; NaN where unknown.
     confidence : (rows, cols) float64
-        From 0 to 1.
+        0 to 1.
     warnings : list of Diagnostic
     """
 
@@ -55,20 +56,21 @@ def from_gray_code(
     Parameters
     ----------
     frames : (n, rows, cols) uint8 or uint16
-        Grey, in the order of `gray_code.patterns`; before white perhaps the waves of `phase.patterns`.
+        Grey, in the order of `gray_code.patterns`; optionally the photos of `phase.patterns` before white.
     camera, projector : Camera
-        In one world.
+        In one frame.
     photo : (rows, cols, 3) uint8 or uint16, optional
-        From the same camera. By default the one under white.
+        From the same camera; by default the frame under white.
     projector_scale : float
-        How many of the pixels that the projector was calibrated with lie along one pixel of the code.
+        Calibrated projector pixels per code pixel.
     mask : (rows, cols) bool, "auto" or None
-        Where on the photo the sheet is. auto: bright paper on darker ground, if it stands out; None: everywhere.
+        Sheet on the photo. auto: bright paper on a darker background, if it stands out; None: everything.
 
     Raises
     ------
     InputError
-        If photos are missing, doubled, out of order, overexposed or of another size, or the calibration does not fit.
+        If photos are missing, duplicated, out of order, overexposed or of another size, or the calibration does not
+        fit.
     """
     if not projector_scale > 0:
         raise UsageError(f"the projector scale is {projector_scale:g}; it must be above 0")
@@ -90,7 +92,7 @@ def from_gray_code(
                 f"good calibration has below {USUAL_GAP_PX:g}): sizes may be off by a percent or more",
             )
         )
-    noise_mm = _noise(points @ camera.rotation[2])
+    noise_mm = pixel_noise(points @ camera.rotation[2])
     mesh, pixel_xy = grid_mesh(points, camera, noise_mm=noise_mm)
     column, row = pixel_xy.astype(int).T
     scan = Scan(mesh, photo, pixel_xy, camera)
@@ -98,21 +100,21 @@ def from_gray_code(
 
 
 def find_correspondence(frames: Grey, shape_rc: tuple[int, int], where: Bools | None = None) -> Correspondence:
-    """Find the place on the projector that each pixel of the camera sees, from all its photos.
+    """Decode the projector position of each camera pixel from all photos.
 
     Parameters
     ----------
     frames : (n, rows, cols) uint8 or uint16
-        In the order of `gray_code.patterns`; before white perhaps the waves of `phase.patterns`.
+        In the order of `gray_code.patterns`; optionally the photos of `phase.patterns` before white.
     shape_rc : (int, int)
         Rows and columns of the projector.
     where : (rows, cols) bool, optional
-        Pixels that are wanted; the others stay NaN.
+        Pixels to decode; the others stay NaN.
 
     Raises
     ------
     InputError
-        If photos are missing, doubled, out of order or overexposed, or nothing can be read.
+        If photos are missing, duplicated, out of order or overexposed, or nothing can be decoded.
     """
     code, waves = frames, None
     check_count(frames, shape_rc)
@@ -152,22 +154,22 @@ def find_correspondence(frames: Grey, shape_rc: tuple[int, int], where: Bools | 
 def triangulate(
     camera: Camera, projector: Camera, projector_xy: Floats, sparse: Bools | None = None
 ) -> tuple[Floats, float]:
-    """Put what every camera pixel sees of the projector into space.
+    """Triangulate all camera pixels with a known projector position.
 
     Parameters
     ----------
     camera, projector : Camera
-        The projector in pixels of the code.
+        Projector in code pixels.
     projector_xy : (rows, cols, 2) float64 [projector px]
     sparse : (rows, cols) bool, optional
-        Pixels all over the view that tell whether calibration and code belong together. By default all.
+        Pixels sampled for the consistency check; by default all.
 
     Returns
     -------
     points : (rows, cols, 3) float64 [mm]
-        NaN where nothing was read, or the rays miss each other.
+        NaN where unknown, or where the epipolar error is too large.
     median_error_px : float
-        By how much the rays miss each other, in pixels of the code (median).
+        Median epipolar error [code px].
 
     Raises
     ------
@@ -188,7 +190,7 @@ def triangulate(
 
 
 def _sparse(shape_rc: tuple[int, int]) -> Bools:
-    """Every so many pixels, along rows and columns."""
+    """Mask of regularly sampled pixels."""
     sparse = np.zeros(shape_rc, bool)
     step = max(1, min(shape_rc) // SAMPLED_SIDE)
     sparse[::step, ::step] = True
@@ -196,20 +198,13 @@ def _sparse(shape_rc: tuple[int, int]) -> Bools:
 
 
 def check_size(shape_rc: tuple[int, ...], camera: Camera) -> None:
-    """Refuse photos that are not of the size that the camera was calibrated at."""
+    """Refuse photos whose size differs from the calibrated one."""
     if tuple(shape_rc) != tuple(camera.shape_rc):
         (rows, cols), (wanted_rows, wanted_cols) = shape_rc, camera.shape_rc
         raise InputError(
             f"the photos are {cols} x {rows} pixels, but the camera's numbers are for {wanted_cols} x {wanted_rows}; "
             "give the calibration of this camera at this size"
         )
-
-
-def _noise(depth: Floats) -> float:
-    """Standard deviation from pixel to pixel, from second differences, (rows, cols) [mm]."""
-    second = depth[:, :-2] - 2 * depth[:, 1:-1] + depth[:, 2:]
-    second = second[np.isfinite(second)]
-    return float(1.4826 * np.median(np.abs(second)) / np.sqrt(6)) if len(second) else 0.0
 
 
 def _three_channels(grey: Grey) -> Pixels:

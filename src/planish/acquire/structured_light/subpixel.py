@@ -1,10 +1,9 @@
-"""Below the code's step: where the edges of the stripes really fall, between the camera's pixels.
+"""Subpixel refinement of the Gray code from the positions of stripe edges between camera pixels.
 
-Between the columns c and c + 1 of the projector exactly one bit changes, so that one pattern and its inverse cross
-there: the light of both is the same at c + 1/2, whatever the paper's colour. Between two camera pixels that see c and
-c + 1, the crossing is found by a straight line through the differences of the two, each against white and black. A
-quadratic surface fitted to the crossings around every pixel then says what lies at the pixel itself. Where waves tell
-the place at every pixel (`phase`), these count as well, each by how sure it is.
+Between projector columns c and c + 1 exactly one bit changes, so a pattern and its inverse have equal intensity at
+c + 1/2, independent of reflectance. Between two camera pixels that see c and c + 1 the crossing is interpolated
+linearly from the differences of the two, relative to white minus black. A quadratic surface fitted to the crossings
+around every pixel gives the value at the pixel. Phase measurements (`phase`) are included with their weights.
 """
 
 from __future__ import annotations
@@ -24,19 +23,19 @@ REACH = 4
 unresolved, so that four lines of crossings still lie within reach."""
 
 SPREAD = 2.0
-"""Standard deviation of their weights, in pixels."""
+"""Standard deviation of the Gaussian weights [px]."""
 
 STEEPEST = 3.0
-"""A crossing on the same surface differs from the pixel's own code by at most this much a pixel."""
+"""Largest gradient of the code on one surface [code px per camera px]."""
 
 MIN_CROSSINGS = 8
-"""Crossings for a surface of six numbers."""
+"""Least number of crossings for a surface of six coefficients."""
 
 MAX_CHANGE = 1.0
-"""A fit that leaves the pixel's own code by more is none."""
+"""Largest deviation of the fit from the decoded value."""
 
 SPAN = 2.0 * REACH + 2.0
-"""Crossings around a pixel that was not read differ by at most this much if they are on one surface."""
+"""Largest range of the crossings around an undecoded pixel on one surface."""
 
 TERMS = 6
 
@@ -54,27 +53,27 @@ def refine_subpixel(
     *,
     skipped_bits: tuple[int, int] = (0, 0),
 ) -> Floats:
-    """Find the place on the projector that each camera pixel sees, to small parts of its pixel.
+    """Refine the projector position of each camera pixel to subpixel accuracy.
 
     Parameters
     ----------
     frames : (n, rows, cols)
         As for `gray_code.decode`.
     codes : Codes
-        What it found.
+        Its result.
     shape_rc : (int, int)
         Rows and columns of the projector.
     where : (rows, cols) bool, optional
-        Pixels that are wanted; the others stay NaN.
+        Pixels to refine; the others stay NaN.
     waves : Phased, optional
-        What waves say besides.
+        Phase measurements, if any.
     skipped_bits : (int, int)
         As `codes` was decoded with, of columns and of rows; (0, 0) beside waves.
 
     Returns
     -------
     (rows, cols, 2) float64 [projector px]
-        x right, y down, pixel centres at integers; NaN where there are too few stripe edges around the pixel.
+        x right, y down, pixel centres at integers; NaN where too few stripe edges are nearby.
     """
     projector_xy = np.full((*codes.column.shape, 2), np.nan)
     selected = np.ones(codes.column.shape, bool) if where is None else where
@@ -106,13 +105,13 @@ def refine_subpixel(
 def _crossings(
     pairs: Grey, code: Ints, contrast: NDArray[np.float32]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
-    """Edges of stripes between each pixel and its right and lower neighbour, each (rows, cols, 2).
+    """Stripe edges between each pixel and its right and lower neighbour, each (rows, cols, 2).
 
     Returns
     -------
-    at : where between the two pixels, 0 to 1
-    value : place on the projector
-    weight : how surely it is known; 0 where there is no edge
+    at : position between the two pixels, 0 to 1
+    value : projector position
+    weight : inverse variance; 0 where there is no edge
     """
     at, value, weight = (np.zeros((*code.shape, 2), np.float32) for _ in range(3))
     with thread_pool() as parallel_for:
@@ -136,7 +135,7 @@ def _cross(first, last, pairs, code, contrast, at, value, weight):  # type: igno
                 code_there = code[nr, nq]
                 if code_there < 0 or abs(code_there - code_here) != 1:
                     continue
-                changed = (code_here ^ (code_here >> 1)) ^ (code_there ^ (code_there >> 1))  # of the Gray code: one bit
+                changed = (code_here ^ (code_here >> 1)) ^ (code_there ^ (code_there >> 1))  # one bit of the Gray code
                 k = bits - 1
                 while changed > 1:
                     changed >>= 1
@@ -150,7 +149,7 @@ def _cross(first, last, pairs, code, contrast, at, value, weight):  # type: igno
                 confidence_slope = (a - b) * min(contrast[r, q], contrast[nr, nq])
                 weight[r, q, side] = (
                     CROSSING * confidence_slope * confidence_slope
-                )  # variance: that of the noise over the slope squared
+                )  # variance = noise variance / slope^2
 
 
 @njit(cache=True, nogil=True)
@@ -164,7 +163,7 @@ def _fit(first, last, selected, coarse_xy, at, value, weight, near, projector_xy
             found = np.nan
             if coarse_xy[r, q] > -1.0:
                 found = _fit_at(r, q, float(coarse_xy[r, q]), MAX_CHANGE, at, value, weight, near, term, normal, right)
-            if np.isnan(found):  # not read, or misread
+            if np.isnan(found):  # undecoded, or decoded wrongly
                 around = _mean_around(r, q, value, weight, reach)
                 if not np.isnan(around):
                     found = _fit_at(r, q, around, SPAN, at, value, weight, near, term, normal, right)
@@ -196,7 +195,7 @@ def _fit_at(r, q, about, max_change, at, value, weight, near, term, normal, righ
 
 @njit(cache=True, nogil=True)
 def _add(x, y, u, w, term, normal, right):  # type: ignore[no-untyped-def]
-    """One crossing's part in the normal equations of u = a + b x + c y + d x^2 + e x y + f y^2; lower triangle."""
+    """Add a crossing to the normal equations (lower triangle) of u = a + b x + c y + d x^2 + e x y + f y^2."""
     term[0], term[1], term[2], term[3], term[4], term[5] = 1.0, x, y, x * x, x * y, y * y
     for i in range(TERMS):
         right[i] += w * term[i] * u
@@ -206,7 +205,7 @@ def _add(x, y, u, w, term, normal, right):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _mean_around(r, q, value, weight, reach):  # type: ignore[no-untyped-def]
-    """Mean of the crossings around a pixel that is too dark to read, such as ink; NaN unless all are on one surface."""
+    """Mean of the crossings around an undecoded pixel, such as ink; NaN unless all are on one surface."""
     rows, cols = weight.shape[0], weight.shape[1]
     total, count = 0.0, 0
     low, high = np.inf, -np.inf
@@ -226,7 +225,7 @@ def _mean_around(r, q, value, weight, reach):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _constant(normal, right):  # type: ignore[no-untyped-def]
-    """First number of the least squares solution, by Cholesky from the last row up; a little damping of the slopes."""
+    """First coefficient of the slightly regularised least-squares solution, by Cholesky decomposition."""
     n = len(right)
     scale = normal[0, 0]
     for i in range(1, n):
