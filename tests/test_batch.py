@@ -269,7 +269,7 @@ def test_contradictory_options_are_refused_before_work(folder, restored):
     with pytest.raises(UsageError, match="PDF/A requires a PDF"):
         restore_all(folder, options=replace(OPTIONS, pdfa=True))
     settings = replace(OPTIONS.settings, binarize=BinarizeSettings(binarize="none"))
-    with pytest.raises(UsageError, match="binarization is none; name a method with binarize"):
+    with pytest.raises(UsageError, match="binarization method is none; name a method with binarize"):
         restore_all(folder, options=BatchOptions(settings=settings, files=BatchFiles(binary=True)))
     assert restored == []
 

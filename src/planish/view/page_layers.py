@@ -141,11 +141,11 @@ def quality_maps(restoration: Restoration, page_xy: Floats, strain: Floats, erro
 def _map(
     name: str, title: str, unit: str, description: str, values: Floats, low: float = 0.0, high: float | None = None
 ) -> Map:
-    known = np.isfinite(values)
+    valid = np.isfinite(values)
     if high is None:
-        high = round_above(float(np.quantile(values[known], TOP)) if known.any() else 0.0)
-    share = np.clip((np.where(known, values, 0.0) - low) / (high - low), 0, 1)
-    codes = np.where(known, np.round(share * (UNKNOWN - 1)), UNKNOWN).astype(np.uint8)
+        high = round_above(float(np.quantile(values[valid], TOP)) if valid.any() else 0.0)
+    fraction = np.clip((np.where(valid, values, 0.0) - low) / (high - low), 0, 1)
+    codes = np.where(valid, np.round(fraction * (UNKNOWN - 1)), UNKNOWN).astype(np.uint8)
     return Map(name, title, unit, description, codes, low, high)
 
 
@@ -221,14 +221,14 @@ def _top_view(restoration: Restoration, animation: FallAnimation) -> NDArray[np.
     assert restoration.rendered is not None
     size_mm = restoration.flattening.size_mm
     margin, scale, (width, height) = _frame(size_mm)
-    standing, lying = (state[:, :2] * [1, -1] + np.array(size_mm) / 2 for state in animation.states[[0, -1]])
+    scanned, flat = (state[:, :2] * [1, -1] + np.array(size_mm) / 2 for state in animation.states[[0, -1]])
     faces = animation.faces
-    face, w = rasterize((standing + margin) * scale - 0.5, faces, (height, width), nearness=animation.states[0, :, 2])
+    face, w = rasterize((scanned + margin) * scale - 0.5, faces, (height, width), nearness=animation.states[0, :, 2])
     weights = np.concatenate([1 - w.sum(axis=2, keepdims=True), w], axis=2)
-    place = np.einsum("rck,rckd->rcd", weights, lying[faces[np.maximum(face, 0)]])
+    page_xy = np.einsum("rck,rckd->rcd", weights, flat[faces[np.maximum(face, 0)]])
     page = _thumbnail(restoration.rendered)
-    at = place * [page.shape[1] / size_mm[0], page.shape[0] / size_mm[1]] - 0.5
-    seen = cv2.remap(page, at.astype(np.float32), None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    seen = rgb_uint8(np.asarray(seen))
-    seen[face < 0] = BACKGROUND
-    return seen
+    pixel_xy = page_xy * [page.shape[1] / size_mm[0], page.shape[0] / size_mm[1]] - 0.5
+    image = cv2.remap(page, pixel_xy.astype(np.float32), None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    image = rgb_uint8(np.asarray(image))
+    image[face < 0] = BACKGROUND
+    return image

@@ -95,10 +95,10 @@ def read_fields(values: Mapping[str, str]) -> FormSettings:
         if field is None:
             raise HTTPProblem(422, f"there is no setting {name[:60]!a}; /api/openapi.json lists all settings")
         *parents, last = field.path
-        place = nested
+        target = nested
         for parent in parents:
-            place = place.setdefault(parent, {})
-        place[last] = list(dict.fromkeys(value.split(","))) if name == "formats" else value
+            target = target.setdefault(parent, {})
+        target[last] = list(dict.fromkeys(value.split(","))) if name == "formats" else value
     try:
         return decode_settings(FormSettings, nested, from_strings=True)
     except SettingsError as problem:

@@ -109,9 +109,9 @@ class Scheduler:
         for id in self.store.finished_before(time() - self.limits.keep_hours * 3600):
             self.remove(id)
         oldest = time() - self.limits.upload_seconds - 60  # newer ones may be uploads in progress
-        known = self.store.all_ids()
+        known_ids = self.store.all_ids()
         for path in self.folder.iterdir():
-            if path.name not in known and path.name not in self._stops and path.stat().st_mtime < oldest:
+            if path.name not in known_ids and path.name not in self._stops and path.stat().st_mtime < oldest:
                 self._remove_folder(path.name)
 
     def _work_loop(self) -> None:
