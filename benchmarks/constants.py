@@ -52,7 +52,11 @@ class Threshold:
 
 
 def thresholds(room: str) -> Iterator[Threshold]:
-    """Every constant of a room (a package or module of planish) that occurs in a comparison there."""
+    """Every constant of a room (a package or module of planish) that occurs in a comparison there.
+
+    Whole numbers that are also sizes of arrays, bounds of loops or places in arrays are left out: kernels would read
+    and write beyond their arrays.
+    """
     for module in modules(f"planish.{room}"):
         tree = _tree(module)
         compared = {
@@ -62,10 +66,13 @@ def thresholds(room: str) -> Iterator[Threshold]:
             for name in ast.walk(comparison)
             if isinstance(name, ast.Name)
         }
+        sizes = _sizes(tree)
         for name, expression in _assigned(tree).items():
             value = vars(module).get(name)
+            if isinstance(value, int) and name in sizes:
+                continue
             pair = isinstance(value, tuple) and len(value) == 2 and all(isinstance(v, float) for v in value)
-            number = isinstance(value, int | float) and not isinstance(value, bool)
+            number = isinstance(value, int | float) and not isinstance(value, bool) and value > 0
             if name in compared and name.strip("_").isupper() and (number or (pair and value[0] < value[1])):
                 angle = number and abs(value) <= 1 and "cos(" in ast.unparse(expression)
                 yield Threshold(module.__name__, name, value if pair or isinstance(value, int) else float(value), angle)
@@ -148,6 +155,16 @@ def _forget(kernel: Dispatcher, cache: object) -> None:
 
 def _tree(module: ModuleType) -> ast.Module:
     return ast.parse(Path(module.__file__).read_text())
+
+
+def _sizes(tree: ast.Module) -> set[str]:
+    """Names within arguments of functions that make arrays or count, and within indices."""
+    makers = ("arange", "empty", "full", "ones", "range", "zeros")
+    inner = [n.slice for n in ast.walk(tree) if isinstance(n, ast.Subscript)]
+    for call in (n for n in ast.walk(tree) if isinstance(n, ast.Call)):
+        if getattr(call.func, "attr", getattr(call.func, "id", "")) in makers:
+            inner += call.args
+    return {name.id for part in inner for name in ast.walk(part) if isinstance(name, ast.Name)}
 
 
 def _assigned(tree: ast.Module) -> dict[str, ast.expr]:

@@ -53,7 +53,7 @@ LEAST = {
 """Smaller changes are not told: in mm, %, degrees, mm, %, % of the photo, page widths, heights of a letter, mm."""
 ERRORS = ("rms", "size", "shade")
 """Nor are changes of these by less than a tenth."""
-MESHES = ("book", "wave", "letter", "spread", "miura", "crumpled", "curl")
+MESHES = ("book", "letter", "spread", "miura", "crumpled")
 NOISES = {"": {}, ", noise": {"noise_mm": 0.07}, ", ripple": {"noise_mm": 0.1, "noise_correlation_px": 3.0}}
 
 
@@ -68,7 +68,7 @@ def mesh_cases() -> Iterator[tuple[str, Case]]:
 
 
 def scan_cases() -> Iterator[tuple[str, Case]]:
-    for name, turn in (("letter", 185.0), ("book", 5.0), ("wave", 95.0), ("spread", 5.0), ("spread", 95.0)):
+    for name, turn in (("letter", 185.0), ("book", 5.0), ("wave", 95.0), ("spread", 5.0)):
         made = virtual_scan(sheet(name), points=3000, photo_px=(1600, 1200), noise_mm=0.05, turn_deg=turn)
         yield f"{name} lying at {turn:.0f}°", partial(restored, made.scan, made.truth_xy, made.sheet)
 

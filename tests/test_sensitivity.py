@@ -18,10 +18,14 @@ LIMIT = 0.25
 CLOSE = math.cos(math.radians(20.0))
 RANGE = (1.0, 3.0)
 FEWEST = 5
+TERMS = 6
 SIZE = 7.0
 
 def judge(x):
     return x > LIMIT and x < CLOSE and RANGE[0] < SIZE * x and len([x]) < FEWEST
+
+def fit(x):
+    return x < TERMS and range(TERMS)
 
 @njit(cache=True)
 def inner(x):
