@@ -1,4 +1,4 @@
-"""Limited-memory BFGS on the energy of the sticks, with a preconditioner for its first guess of the Hessian."""
+"""Limited-memory BFGS with a preconditioner as the first guess of the Hessian."""
 
 from __future__ import annotations
 
@@ -8,8 +8,6 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from planish.flattening.energy import Net, energy
-from planish.flattening.multigrid_preconditioner import Preconditioner, precondition
 from planish.parallel import BLOCK, ParallelFor
 from planish.types import Floats, Outcome
 
@@ -24,36 +22,41 @@ SPAN, LEVEL = 10, 1e-7
 """The sheet is at rest, too, when so many steps have lowered its energy by no more than this part. For a sheet whose
 lengths are off by 1e-3 that is a bend of an arm by a thousandth of a millimetre."""
 
+Objective = Callable[[Floats], tuple[float, Floats]]
+Preconditioning = Callable[[Floats], Floats]
 Float32s = NDArray[np.float32]
 History = list[tuple[Float32s, Float32s, float]]
 """Step, change of the gradient, and their product, of the latest steps."""
 
 
-def minimise(
-    net: Net,
+def minimize(
+    objective: Objective,
     xy: Floats,
-    preconditioner: Preconditioner,
+    precondition: Preconditioning,
     *,
     max_steps: int,
     still_mm: float,
     parallel_for: ParallelFor,
     progress: Callable[[float], None] | None = None,
 ) -> tuple[Floats, Outcome, Floats]:
-    """Bring sticks to rest.
+    """Minimize an energy of points in the plane.
 
     In the preconditioner's eyes the energy curves nearly alike in all directions, so the length of the step that is
     proposed next tells how far off the minimum is. Where it is short enough it is not even made.
 
     Parameters
     ----------
-    net : Net
+    objective : callable
+        Places (n, 2) to the energy and its gradient (n, 2).
     xy : (n, 2) float64 [mm]
         A first layout.
-    preconditioner : Preconditioner
+    precondition : callable
+        A force (n, 2) to the step (n, 2) that it asks for: symmetric and positive definite.
     max_steps : int
     still_mm : float
-        The sheet is at rest when the next step would move its points by no more than this, rms.
-    parallel_for : Crew
+        At rest when the next step would move the points by no more than this, rms.
+    parallel_for : callable
+        See `planish.parallel`.
     progress : callable, optional
         Told the share of the way that is done, before each step.
 
@@ -61,23 +64,33 @@ def minimise(
     -------
     xy : (n, 2) float64 [mm]
     outcome : Outcome
-        SETTLED or OUT_OF_STEPS.
-    residuals : (steps + 1,) float64
-        Root mean square relative error of the sticks, weighted by their lengths squared, before and after each step.
+        SETTLED, OUT_OF_STEPS, or DIVERGED where the energy, its gradient or a step is no finite number; then `xy` is
+        the last place where they were.
+    energies : (steps + 1,) float64
+        Before and after each step.
     """
     history: History = []
-    value, gradient = energy(net, xy, parallel_for)
+    value, gradient = objective(xy)
     values, lengths = [value], []
+    if not np.isfinite(value):
+        return xy, Outcome.DIVERGED, np.array(values)
     outcome = Outcome.OUT_OF_STEPS
     while len(values) <= max_steps:
-        step = _next_step(gradient, history, preconditioner, parallel_for)
-        lengths.append(np.sqrt(_dot(step, step, parallel_for) / len(xy)))
-        if not lengths[-1] > still_mm:
+        step = _next_step(gradient, history, precondition, parallel_for)
+        length = np.sqrt(_dot(step, step, parallel_for) / len(xy))
+        if not np.isfinite(length):
+            if history:
+                history = []
+                continue
+            outcome = Outcome.DIVERGED
+            break
+        lengths.append(length)
+        if length <= still_mm:
             outcome = Outcome.SETTLED
             break
         if progress is not None:
             progress(_share_done(lengths, still_mm))
-        share, new_value, new_gradient = _search(net, xy, value, gradient, step, parallel_for)
+        share, new_value, new_gradient = _search(objective, xy, value, gradient, step, parallel_for)
         if share == 0.0 and not history:  # nothing lower can be told apart: the minimum, to the last digit
             outcome = Outcome.SETTLED
             break
@@ -90,8 +103,7 @@ def minimise(
         history = _remember(history, share * step, new_gradient - gradient, parallel_for)
         xy, value, gradient = xy + share * step, new_value, new_gradient
         values.append(value)
-    square = max(float(np.sum(net.weight * net.rest * net.rest)), 1e-300)
-    return xy, outcome, np.sqrt(2 * np.array(values) / square)
+    return xy, outcome, np.array(values)
 
 
 def _share_done(lengths: list[float], still: float) -> float:
@@ -99,27 +111,27 @@ def _share_done(lengths: list[float], still: float) -> float:
     return float(np.clip(np.log(lengths[0] / min(lengths)) / np.log(max(lengths[0] / still, 1.01)), 0.0, 1.0))
 
 
-def _next_step(gradient: Floats, history: History, preconditioner: Preconditioner, parallel_for: ParallelFor) -> Floats:
+def _next_step(gradient: Floats, history: History, precondition: Preconditioning, parallel_for: ParallelFor) -> Floats:
     """The two loops of L-BFGS (Nocedal & Wright, Numerical Optimization, algorithm 7.4)."""
     q = -gradient
     alphas = []
     for taken, change, product in reversed(history):
         alphas.append(_dot(taken, q, parallel_for) / product)
         _add(q, -alphas[-1], change, parallel_for)
-    r = precondition(preconditioner, q, parallel_for)
+    r = precondition(q)
     for (taken, change, product), alpha in zip(history, reversed(alphas), strict=True):
         _add(r, alpha - _dot(change, r, parallel_for) / product, taken, parallel_for)
     return r
 
 
 def _search(
-    net: Net, xy: Floats, value: float, gradient: Floats, step: Floats, parallel_for: ParallelFor
+    objective: Objective, xy: Floats, value: float, gradient: Floats, step: Floats, parallel_for: ParallelFor
 ) -> tuple[float, float, Floats]:
     """The greatest of 1, 1/2, 1/4 ... of a step that lowers the energy as its slope promises; 0 where none does."""
     slope = _dot(step, gradient, parallel_for)
     share = 1.0
     while share >= SHORTEST and slope < 0.0:
-        new_value, new_gradient = energy(net, xy + share * step, parallel_for)
+        new_value, new_gradient = objective(xy + share * step)
         if new_value <= value + ARMIJO * share * slope:
             return share, new_value, new_gradient
         share *= 0.5

@@ -1,0 +1,64 @@
+"""A penalty on faces that lie on the page with next to no area, or with their back up.
+
+    P(x) = MU h^2 * sum over faces with s < 1 of (1 - s)^2,    s = A(x) / (SHARE A0)
+
+with the signed area A of a face on the page, A0 the area that its edges give it and h a length of the mesh's edges.
+Sticks alone do not tell a face from its mirror image; this does, and it stays finite where a face is turned over, so
+that faces can be turned back by the same descent that brings the sticks to rest.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from planish.types import Floats, Ints
+
+SHARE = 0.2
+"""Part of its area below which a face is pushed open. Of a mask, a face and a camel (2,000 to 17,000 points, strained by
+7 to 14 %) 9, 4 and 0 faces stay turned over with 0.1, none with 0.2; strain falls by less than it varies with the start."""
+
+MU = 1.0
+"""Weight of the penalty. With 0.1 the face keeps 62 flips, with 1 none, with 10 none but 6 % more strain."""
+
+
+def add_area_penalty(
+    xy: Floats, faces: Ints, areas: Floats, scale: float, gradient: Floats
+) -> float:
+    """The penalty; its gradient is added to (n, 2) `gradient`.
+
+    Parameters
+    ----------
+    xy : (n, 2) float64 [mm]
+        x right, y up.
+    faces : (m, 3) int32
+        Counter-clockwise seen from the printed side.
+    areas : (m,) float64 [mm^2]
+        A0; faces with 0 are left out.
+    scale : float [mm^2]
+        h^2.
+    """
+    return float(_add_penalty(xy, faces, areas, MU * scale, gradient))
+
+
+@njit(cache=True, nogil=True)
+def _add_penalty(xy, faces, areas, weight, gradient):  # type: ignore[no-untyped-def]
+    total = 0.0
+    for f in range(len(faces)):
+        if areas[f] <= 0.0:
+            continue
+        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
+        area = 0.5 * (xy[j, 0] - xy[i, 0]) * (xy[k, 1] - xy[i, 1])
+        area -= 0.5 * (xy[k, 0] - xy[i, 0]) * (xy[j, 1] - xy[i, 1])
+        lacking = 1.0 - area / (SHARE * areas[f])
+        if lacking <= 0.0:
+            continue
+        total += weight * lacking * lacking
+        push = -weight * lacking / (SHARE * areas[f])  # dP/dA, halved as dA/dx is half the opposite edge, turned
+        gradient[i, 0] += push * (xy[j, 1] - xy[k, 1])
+        gradient[i, 1] += push * (xy[k, 0] - xy[j, 0])
+        gradient[j, 0] += push * (xy[k, 1] - xy[i, 1])
+        gradient[j, 1] += push * (xy[i, 0] - xy[k, 0])
+        gradient[k, 0] += push * (xy[i, 1] - xy[j, 1])
+        gradient[k, 1] += push * (xy[j, 0] - xy[i, 0])
+    return total

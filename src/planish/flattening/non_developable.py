@@ -1,0 +1,133 @@
+"""Surfaces that cannot lie flat, and sheets on which the sticks' descent fails: never worse than as rigid as possible.
+
+Sticks are blind to mirror images. On paper that does no harm, as the first layout is nearly right; on a face or an
+animal the first layout is far off, and the descent ends crumpled. Here it begins as rigid as possible, each edge weighs
+by its length as 1 / r^2, so that what falls is the mean square strain itself, and faces are pushed open where they would
+turn over. As the descent only goes down, strain and flips end no higher than where it began.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from planish.flattening.area_penalty import add_area_penalty
+from planish.flattening.as_rigid_as_possible import (
+    as_rigid_as_possible,
+    graph_laplacian,
+    lay_out_triangles,
+    least_squares_conformal,
+    signed_areas,
+)
+from planish.flattening.energy import energy, make_net
+from planish.flattening.lbfgs import minimize
+from planish.flattening.lengths import median_edge
+from planish.flattening.multigrid_preconditioner import make_preconditioner, precondition
+from planish.flattening.untangle import untangle
+from planish.geometry.distances import distances
+from planish.mesh import LEAST_HEIGHT, Topology, edges_with_area, prolongate, relative_heights, subsample, topology
+from planish.parallel import ParallelFor
+from planish.sticks import strain
+from planish.types import Floats, Ints, Mesh, Sticks
+
+DIRECT = 30_000
+"""Points up to which sparse matrices are factored: half a second. A larger mesh begins from a sub-sampled one."""
+
+SHORTEST = 1e-3
+"""Edges shorter than this part of the median edge weigh as much as one so long."""
+
+
+class Distortion(NamedTuple):
+    """How far a flat sheet is from the surface: less is better, flips first.
+
+    Attributes
+    ----------
+    flips : int
+        Faces with area that lie with their back up.
+    strain : float
+        Root mean square strain of the edges of faces with area.
+    """
+
+    flips: int
+    strain: float
+
+
+def distortion(xy: Floats, faces: Ints, topo: Topology, edge_rest: Floats) -> Distortion:
+    """Flips and strain of a flat sheet, x right and y up, against lengths of its edges."""
+    with_area = relative_heights(edge_rest, topo.face_edges) >= LEAST_HEIGHT
+    flips = int(np.count_nonzero(signed_areas(xy, faces)[with_area] <= 0))
+    counted = np.where(edges_with_area(edge_rest, topo.face_edges), edge_rest, 0.0)
+    return Distortion(flips, strain(xy, topo.edges, counted)[0])
+
+
+def solve_non_developable(
+    mesh: Mesh, topo: Topology, edge_rest: Floats, piece: Ints, parallel_for: ParallelFor, max_steps: int
+) -> tuple[Floats, Distortion]:
+    """Lay any surface with a border flat, with little strain and no face turned over where that can be.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    topo : Topology
+        Of the same mesh.
+    edge_rest : (e,) float64 [mm]
+    piece : (n,) int32
+        Points that hang together have the same number.
+    parallel_for : callable
+    max_steps : int
+
+    Returns
+    -------
+    xy : (n, 2) float64 [mm]
+        Pieces lie over each other.
+    rigid : Distortion
+        Of the as-rigid-as-possible layout from which it began.
+    """
+    start = _first_layout(mesh, topo, edge_rest, piece)
+    rigid = distortion(start, mesh.faces, topo, edge_rest)
+    median = median_edge(edge_rest)
+    weight = (median / np.maximum(edge_rest, SHORTEST * median)) ** 2
+    net = make_net(Sticks(topo.edges, edge_rest, weight, len(edge_rest)), parallel_for)
+    triangles = lay_out_triangles(topo.face_edges, edge_rest)
+    areas = np.where(relative_heights(edge_rest, topo.face_edges) >= LEAST_HEIGHT, triangles.areas, 0.0)
+
+    def objective(xy: Floats) -> tuple[float, Floats]:
+        value, gradient = energy(net, xy, parallel_for)
+        return value + add_area_penalty(xy, mesh.faces, areas, median**2, gradient), gradient
+
+    if len(start) <= DIRECT:
+        step = graph_laplacian(topo.edges, weight, len(start)).solve
+    else:
+        grids = make_preconditioner(net, len(edge_rest), start, parallel_for)
+        step = lambda force: precondition(grids, force, parallel_for)  # noqa: E731
+    xy, _, _ = minimize(objective, start, step, max_steps=max_steps, still_mm=0.0, parallel_for=parallel_for)
+    mended, _ = untangle(xy, mesh.faces, topo, edge_rest)
+    return min((xy, mended, start), key=lambda end: distortion(end, mesh.faces, topo, edge_rest)), rigid
+
+
+def _first_layout(mesh: Mesh, topo: Topology, edge_rest: Floats, piece: Ints) -> Floats:
+    """As rigid as possible, from a conformal map; of a large mesh by way of fewer points."""
+    if len(mesh.points) > DIRECT:
+        coarse = subsample(mesh, topo, DIRECT // 2)
+        coarse_topo = topology(coarse.mesh.faces, len(coarse.mesh.points))
+        coarse_piece = np.zeros(len(coarse.mesh.points), piece.dtype)
+        coarse_piece[coarse.nearest] = piece
+        rest = distances(coarse.mesh.points, coarse_topo.edges)
+        return prolongate(coarse, mesh.points, _first_layout(coarse.mesh, coarse_topo, rest, coarse_piece))
+    triangles = lay_out_triangles(topo.face_edges, edge_rest)
+    pins, pin_xy = _pins(mesh.points, topo, piece)
+    xy = least_squares_conformal(mesh.faces, triangles, pins, pin_xy)
+    return as_rigid_as_possible(mesh.faces, triangles, xy)
+
+
+def _pins(points: Floats, topo: Topology, piece: Ints) -> tuple[Ints, Floats]:
+    """Two border points of each piece that lie far apart, and places for them on a line."""
+    border = np.unique(topo.edges[topo.edge_uses == 1])
+    pins, places = [], []
+    for number in np.unique(piece[border]):
+        own = border[piece[border] == number]
+        far = np.linalg.norm(points[own] - points[own[0]], axis=1)
+        pins += [own[0], own[np.argmax(far)]]
+        places += [(0.0, 0.0), (float(far.max()), 0.0)]
+    return np.array(pins), np.array(places)
