@@ -35,9 +35,9 @@ __all__ = ["direction_of_growth", "drop", "flatten", "place_on_page", "relax", "
 PAPER_POINTS = 1000
 """How many of 307,000 points the paper kept, and what its method gets here unless told otherwise."""
 SMOOTHED_AS_PAPER = 0.5
-"""Lengths without noise presuppose paper. Where a sheet cannot lie flat by them (`stick_solver.NO_PAPER`) the lengths in
-space are tried too, and taken unless they strain the page more than twice as much: on a camel, whose bends were taken
-for noise, 7.0 % and 6.9 %; on a printed relief in steps of noise, 0.5 % and 11.8 %."""
+"""Lengths without noise presuppose paper. Where a sheet cannot lie flat by them (`stick_solver.NO_PAPER`) the lengths
+in space are tried too, and taken unless they strain the page more than twice as much: on a camel, whose bends were
+taken for noise, 7.0 % and 6.9 %; on a printed relief in steps of noise, 0.5 % and 11.8 %."""
 OVERHANG = 0.005
 """Share of a sheet that may face the table before a mesh laid over it from above is said not to show it."""
 

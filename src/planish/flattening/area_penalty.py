@@ -9,22 +9,20 @@ that faces can be turned back by the same descent that brings the sticks to rest
 
 from __future__ import annotations
 
-import numpy as np
 from numba import njit
 
 from planish.types import Floats, Ints
 
 SHARE = 0.2
-"""Part of its area below which a face is pushed open. Of a mask, a face and a camel (2,000 to 17,000 points, strained by
-7 to 14 %) 9, 4 and 0 faces stay turned over with 0.1, none with 0.2; strain falls by less than it varies with the start."""
+"""Part of its area below which a face is pushed open. With 0.1 and MU = 0.1 a face of 17,000 points keeps 9 flips and a
+mask 4, with 0.2 they keep 62 and 18; with MU = 1 none."""
 
 MU = 1.0
-"""Weight of the penalty. With 0.1 the face keeps 62 flips, with 1 none, with 10 none but 6 % more strain."""
+"""Weight of the penalty. With 0.1 the face keeps 62 flips and 12.8 % of strain, with 1 no flip and 13.8 %, with 10 no
+flip and 14.6 %."""
 
 
-def add_area_penalty(
-    xy: Floats, faces: Ints, areas: Floats, scale: float, gradient: Floats
-) -> float:
+def add_area_penalty(xy: Floats, faces: Ints, areas: Floats, scale: float, gradient: Floats) -> float:
     """The penalty; its gradient is added to (n, 2) `gradient`.
 
     Parameters

@@ -87,9 +87,9 @@ def least_squares_conformal(faces: Ints, triangles: Triangles, pins: Ints, pin_x
             shape=(2 * m, 2 * count),
         )
     )
-    free = np.ones((count, 2), bool)
-    free[pins] = False
-    free = free.ravel()
+    held = np.zeros((count, 2), bool)
+    held[pins] = True
+    free = ~held.ravel()
     xy = np.zeros((count, 2))
     xy[pins] = pin_xy
     solved = xy.ravel()

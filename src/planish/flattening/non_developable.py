@@ -2,8 +2,8 @@
 
 Sticks are blind to mirror images. On paper that does no harm, as the first layout is nearly right; on a face or an
 animal the first layout is far off, and the descent ends crumpled. Here it begins as rigid as possible, each edge weighs
-by its length as 1 / r^2, so that what falls is the mean square strain itself, and faces are pushed open where they would
-turn over. As the descent only goes down, strain and flips end no higher than where it began.
+by its length as 1 / r^2, so that what falls is the mean square strain itself, and faces are pushed open where they
+would turn over. As the descent only goes down, strain and flips end no higher than where it began.
 """
 
 from __future__ import annotations
@@ -29,10 +29,13 @@ from planish.geometry.distances import distances
 from planish.mesh import LEAST_HEIGHT, Topology, edges_with_area, prolongate, relative_heights, subsample, topology
 from planish.parallel import ParallelFor
 from planish.sticks import strain
-from planish.types import Floats, Ints, Mesh, Sticks
+from planish.types import Floats, Ints, Mesh, Outcome, Sticks
 
 DIRECT = 30_000
 """Points up to which sparse matrices are factored: half a second. A larger mesh begins from a sub-sampled one."""
+
+STILL = 1e-3
+"""Median edges that the points of the next step would move by, rms, when the surface is at rest."""
 
 SHORTEST = 1e-3
 """Edges shorter than this part of the median edge weigh as much as one so long."""
@@ -63,7 +66,7 @@ def distortion(xy: Floats, faces: Ints, topo: Topology, edge_rest: Floats) -> Di
 
 def solve_non_developable(
     mesh: Mesh, topo: Topology, edge_rest: Floats, piece: Ints, parallel_for: ParallelFor, max_steps: int
-) -> tuple[Floats, Distortion]:
+) -> tuple[Floats, Outcome, Floats, Distortion]:
     """Lay any surface with a border flat, with little strain and no face turned over where that can be.
 
     Parameters
@@ -81,6 +84,10 @@ def solve_non_developable(
     -------
     xy : (n, 2) float64 [mm]
         Pieces lie over each other.
+    outcome : Outcome
+        SETTLED, OUT_OF_STEPS or DIVERGED.
+    residuals : (steps + 1,) float64
+        Root mean square strain of the edges before and after each step, the penalty on thin faces counted in.
     rigid : Distortion
         Of the as-rigid-as-possible layout from which it began.
     """
@@ -101,9 +108,13 @@ def solve_non_developable(
     else:
         grids = make_preconditioner(net, len(edge_rest), start, parallel_for)
         step = lambda force: precondition(grids, force, parallel_for)  # noqa: E731
-    xy, _, _ = minimize(objective, start, step, max_steps=max_steps, still_mm=0.0, parallel_for=parallel_for)
+    xy, outcome, energies = minimize(
+        objective, start, step, max_steps=max_steps, still_mm=STILL * median, parallel_for=parallel_for
+    )
     mended, _ = untangle(xy, mesh.faces, topo, edge_rest)
-    return min((xy, mended, start), key=lambda end: distortion(end, mesh.faces, topo, edge_rest)), rigid
+    best = min((xy, mended, start), key=lambda end: distortion(end, mesh.faces, topo, edge_rest))
+    residuals = np.sqrt(2 * energies / float(np.sum(weight * edge_rest**2)))
+    return best, outcome, residuals, rigid
 
 
 def _first_layout(mesh: Mesh, topo: Topology, edge_rest: Floats, piece: Ints) -> Floats:
@@ -122,11 +133,13 @@ def _first_layout(mesh: Mesh, topo: Topology, edge_rest: Floats, piece: Ints) ->
 
 
 def _pins(points: Floats, topo: Topology, piece: Ints) -> tuple[Ints, Floats]:
-    """Two border points of each piece that lie far apart, and places for them on a line."""
-    border = np.unique(topo.edges[topo.edge_uses == 1])
+    """Two points of each piece that lie far apart, at its border if it has one, and places for them on a line."""
+    border = np.zeros(len(points), bool)
+    border[topo.edges[topo.edge_uses == 1]] = True
     pins, places = [], []
-    for number in np.unique(piece[border]):
-        own = border[piece[border] == number]
+    for number in np.unique(piece):
+        own = np.flatnonzero((piece == number) & border)
+        own = own if len(own) > 1 else np.flatnonzero(piece == number)
         far = np.linalg.norm(points[own] - points[own[0]], axis=1)
         pins += [own[0], own[np.argmax(far)]]
         places += [(0.0, 0.0), (float(far.max()), 0.0)]

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from planish.flattening.area_penalty import add_area_penalty
 from planish.flattening.as_rigid_as_possible import lay_out_triangles, signed_areas
@@ -27,8 +28,8 @@ CRUSHED = 0.05
 """Rms relative error of the sticks from which on a sheet is not what was scanned any more."""
 
 FOLDED_HEIGHT, FOLDED_SIDE = 0.2, 0.5
-"""A face on its back is a fold of the layout, not one that noise turned over, if it is so high over its longest side, in
-parts of that side, and none of its sides is shorter than so many median edges."""
+"""A face on its back is a fold of the layout, not one that noise turned over, if its height over its longest side is at
+least this part of that side and none of its sides is shorter than so many median edges."""
 
 NO_PAPER = 0.01
 """Rms relative error of the sticks from which on a sheet is looked at as a surface that cannot lie flat: paper with 0.2
@@ -195,7 +196,7 @@ def _bring_to_rest(
     return xy, outcome, _relative(energies, sticks)
 
 
-def _folded(xy: Floats, faces: Ints, topology: Topology, rest: Floats) -> Ints:
+def _folded(xy: Floats, faces: Ints, topology: Topology, rest: Floats) -> NDArray[np.intp]:
     """Rows of faces on their back that are so large and well shaped that no noise can have turned them over."""
     flipped = np.flatnonzero(signed_areas(xy, faces) <= 0)
     if not len(flipped):
@@ -225,15 +226,13 @@ def _not_as_paper(
     Where the sticks are strained no more than as rigid as possible, with no more flips (faces turned over by noise
     apart), their layout stays: it is that of noisy paper.
     """
-    xy, _, residuals = ended
     rest = sticks.rest[: sticks.edges]
-    ours = distortion(xy, *as_they_lie(mesh.faces, topology, sticks.turned), rest)
-    other, rigid = solve_non_developable(mesh, topology, rest, piece, parallel_for, settings.max_steps)
-    better = distortion(other, mesh.faces, topology, rest) < ours
+    ours = distortion(ended[0], *as_they_lie(mesh.faces, topology, sticks.turned), rest)
+    xy, outcome, residuals, rigid = solve_non_developable(mesh, topology, rest, piece, parallel_for, settings.max_steps)
+    better = distortion(xy, mesh.faces, topology, rest) < ours
     if not better or (ours.flips <= rigid.flips and ours.strain <= rigid.strain):
         return ended
-    value, _ = energy(make_net(sticks, parallel_for), other, parallel_for)
-    return other, Outcome.SETTLED, np.append(residuals, _relative(np.array([value]), sticks))
+    return xy, outcome, residuals
 
 
 def _place(

@@ -99,7 +99,7 @@ def _usable(points: Floats, faces: Ints, warnings: list[Diagnostic]) -> Ints:
         raise InputError("no face of the scan has three different, finite points")
     low, high = bounds(points[_used(faces[rows], len(points))])
     extent = (high - low).max()
-    if not np.isfinite(extent) or extent > 1e100:
+    if not np.isfinite(extent) or extent > 1e30:
         raise InputError(f"the scan is {extent:.3g} mm wide; these cannot be millimetres of paper")
     area = np.linalg.norm(area_vectors(points, faces[rows]), axis=1).sum()
     if not area > 1e-9 * extent**2:  # a sheet narrower than a billionth of its length is a line
