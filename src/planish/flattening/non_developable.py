@@ -2,8 +2,10 @@
 
 Sticks are blind to mirror images. On paper that does no harm, as the first layout is nearly right; on a face or an
 animal the first layout is far off, and the descent ends crumpled. Here it begins as rigid as possible, each edge weighs
-by its length as 1 / r^2, so that what falls is the mean square strain itself, and faces are pushed open where they
-would turn over. As the descent only goes down, strain and flips end no higher than where it began.
+as 1 / r, and faces are pushed open where they would turn over. Weights of 1 / r^2 would lower the mean square strain
+itself, but 1 / r ends within 0.2 % of that, with less strain of the worst edge (5.8 % instead of 7.0 on a quad mesh, 18
+instead of 21 on a snail, 15 instead of 17 on a roof). Whatever comes of it, strain and flips end no higher than where
+the descent began.
 """
 
 from __future__ import annotations
@@ -66,7 +68,7 @@ def distortion(xy: Floats, faces: Ints, topo: Topology, edge_rest: Floats) -> Di
 
 def solve_non_developable(
     mesh: Mesh, topo: Topology, edge_rest: Floats, piece: Ints, parallel_for: ParallelFor, max_steps: int
-) -> tuple[Floats, Outcome, Floats, Distortion]:
+) -> tuple[Floats, Outcome, Floats]:
     """Lay any surface with a border flat, with little strain and no face turned over where that can be.
 
     Parameters
@@ -88,13 +90,10 @@ def solve_non_developable(
         SETTLED, OUT_OF_STEPS or DIVERGED.
     residuals : (steps + 1,) float64
         Root mean square strain of the edges before and after each step, the penalty on thin faces counted in.
-    rigid : Distortion
-        Of the as-rigid-as-possible layout from which it began.
     """
     start = _first_layout(mesh, topo, edge_rest, piece)
-    rigid = distortion(start, mesh.faces, topo, edge_rest)
     median = median_edge(edge_rest)
-    weight = (median / np.maximum(edge_rest, SHORTEST * median)) ** 2
+    weight = median / np.maximum(edge_rest, SHORTEST * median)
     net = make_net(Sticks(topo.edges, edge_rest, weight, len(edge_rest)), parallel_for)
     triangles = lay_out_triangles(topo.face_edges, edge_rest)
     areas = np.where(relative_heights(edge_rest, topo.face_edges) >= LEAST_HEIGHT, triangles.areas, 0.0)
@@ -114,7 +113,7 @@ def solve_non_developable(
     mended, _ = untangle(xy, mesh.faces, topo, edge_rest)
     best = min((xy, mended, start), key=lambda end: distortion(end, mesh.faces, topo, edge_rest))
     residuals = np.sqrt(2 * energies / float(np.sum(weight * edge_rest**2)))
-    return best, outcome, residuals, rigid
+    return best, outcome, residuals
 
 
 def _first_layout(mesh: Mesh, topo: Topology, edge_rest: Floats, piece: Ints) -> Floats:

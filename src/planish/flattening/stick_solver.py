@@ -221,18 +221,14 @@ def _not_as_paper(
     ended: tuple[Floats, Outcome, Floats],
     parallel_for: ParallelFor,
 ) -> tuple[Floats, Outcome, Floats]:
-    """The better of a layout and of one made as for a surface that cannot lie flat.
+    """The better of a layout and of one made as for a surface that cannot lie flat: with fewer flips, or less strain.
 
-    Where the sticks are strained no more than as rigid as possible, with no more flips (faces turned over by noise
-    apart), their layout stays: it is that of noisy paper.
+    Faces that noise turned over are no flips of the first.
     """
     rest = sticks.rest[: sticks.edges]
     ours = distortion(ended[0], *as_they_lie(mesh.faces, topology, sticks.turned), rest)
-    xy, outcome, residuals, rigid = solve_non_developable(mesh, topology, rest, piece, parallel_for, settings.max_steps)
-    better = distortion(xy, mesh.faces, topology, rest) < ours
-    if not better or (ours.flips <= rigid.flips and ours.strain <= rigid.strain):
-        return ended
-    return xy, outcome, residuals
+    other = solve_non_developable(mesh, topology, rest, piece, parallel_for, settings.max_steps)
+    return other if distortion(other[0], mesh.faces, topology, rest) < ours else ended
 
 
 def _place(
