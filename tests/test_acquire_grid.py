@@ -371,4 +371,4 @@ def test_a_photo_with_its_camera_is_drawn_instead_of_the_points_colours(bowl, tm
     assert np.abs(scan.photo.astype(int) - 90).max() <= 2  # JPEG
     np.testing.assert_allclose(scan.photo_xy, project(CAMERA, scan.mesh.points), atol=1e-3)  # float32
     assert run([*command, *camera]) == 2
-    assert "give that with --photo" in capfd.readouterr().err
+    assert "give the photo with --photo" in capfd.readouterr().err

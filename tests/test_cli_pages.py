@@ -111,8 +111,8 @@ def test_a_pdf_whose_text_can_be_searched(spread, tmp_path):
     [
         (2, "PDF/A requires a PDF", ["--pdfa"]),
         (2, "an OCR text layer requires a PDF", ["--ocr", "eng"]),
-        (2, "--binarize none", ["--binary", "bw.png", "--binarize", "none"]),
-        (4, "a mask is written as .png or .tif", ["--mask", "mask.jpg"]),
+        (2, "name a method with --binarize", ["--binary", "bw.png", "--binarize", "none"]),
+        (4, "a mask needs a lossless format", ["--mask", "mask.jpg"]),
         (2, "--pages", ["--pages", "3"]),
     ],
 )
