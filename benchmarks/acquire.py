@@ -27,7 +27,7 @@ from planish.acquire.range_image.grid import from_grid, grid_photo
 from planish.acquire.structured_light.phase import all_patterns
 from planish.acquire.structured_light.scan import from_gray_code
 from planish.gallery import Sheet, sheet, typeset_sheet
-from planish.gallery.clouds import photo_points, range_image
+from planish.gallery.clouds import photogrammetry_cloud, range_image
 from planish.gallery.devices import SMALL_RIG, depth_capture, projector_rig, structured_light
 from planish.gallery.sheets import normals
 from planish.io import write_page
@@ -68,7 +68,7 @@ def range_scanner(book: Sheet, small: bool) -> Callable[[], AcquiredScan]:
 
 
 def photogrammetry(book: Sheet, small: bool, *, photo: bool) -> Callable[[], AcquiredScan]:
-    made = photo_points(book, points=75_000 if small else 300_000)
+    made = photogrammetry_cloud(book, points=75_000 if small else 300_000)
     seen = (made.photo, made.camera) if photo else (None, None)
     return lambda: from_points(made.points, made.colours, made.normals, *seen)
 

@@ -28,7 +28,7 @@ from planish.acquire.laser.lines import from_laser_lines
 from planish.acquire.laser.rig import calibrate_laser_rig
 from planish.acquire.laser.sweep import from_laser, sweep_stripes
 from planish.gallery import sheet
-from planish.gallery.laser import VirtualSweep, squared_paper, truth_of, virtual_lines, virtual_sweep
+from planish.gallery.laser import VirtualSweep, ground_truth, squared_paper, virtual_lines, virtual_sweep
 from planish.gallery.sheets import normals
 from planish.io import read_photo, write_page
 from planish.pipeline import restore
@@ -39,7 +39,7 @@ from truth import character_error, read_text, rigid_rms
 
 def row(name: str, made: VirtualSweep, acquired: AcquiredScan, seconds: float) -> str:
     scan = acquired.scan
-    page_xy, true = truth_of(made, scan.photo_xy)
+    page_xy, true = ground_truth(made, scan.photo_xy)
     known = np.isfinite(page_xy[:, 0])
     miss = scan.mesh.points[known] - true[known]
     off = (miss * normals(made.sheet, page_xy[known])).sum(axis=1)

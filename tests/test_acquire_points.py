@@ -11,7 +11,7 @@ from planish.acquire.points.scan import from_points
 from planish.cli.main import run
 from planish.errors import InputError
 from planish.gallery import sheet
-from planish.gallery.clouds import photo_points
+from planish.gallery.clouds import photogrammetry_cloud
 from planish.geometry import project
 from planish.io import read_cloud, read_scan
 from planish.io.cameras import camera_as_json
@@ -130,7 +130,7 @@ def test_the_photo_is_made_of_the_points_colours():
 
 @pytest.mark.slow
 def test_the_table_goes_also_where_the_sheet_hides_it():
-    made = photo_points(sheet("letter"), points=20_000, photo_px=None)
+    made = photogrammetry_cloud(sheet("letter"), points=20_000, photo_px=None)
     mesh = from_points(made.points, made.colours, made.normals).scan.mesh
     rise = sheet("letter").bend(np.array([[108.0, y] for y in np.arange(0, 279, 0.5)]))
     height = np.interp(mesh.points[:, 1], rise[::-1, 1], rise[::-1, 2])  # the letter's folds run across the page
@@ -204,7 +204,7 @@ def test_las_gives_metres_and_colours(tmp_path):
 @pytest.mark.slow
 def test_the_command_draws_the_photo_by_its_camera(tmp_path):
     made = sheet("book")
-    cloud = photo_points(made, points=8000, photo_px=(1000, 750))
+    cloud = photogrammetry_cloud(made, points=8000, photo_px=(1000, 750))
     data = np.column_stack([cloud.points, cloud.colours])
     np.savetxt(tmp_path / "points.xyz", data, fmt=["%.3f"] * 3 + ["%d"] * 3, header="units: mm")
     cv2.imwrite(str(tmp_path / "photo.png"), cloud.photo[..., ::-1])

@@ -18,7 +18,7 @@ from planish.acquire.structured_light.gray_code import patterns
 from planish.cli.main import run
 from planish.errors import InputError, UsageError
 from planish.gallery import sheet, typeset_sheet
-from planish.gallery.devices import SMALL_RIG, board_poses, posed, projector_rig, structured_light
+from planish.gallery.devices import SMALL_RIG, board_poses, posed_board, projector_rig, structured_light
 from planish.geometry import project
 from planish.io import read_camera
 from planish.io.cameras import camera_as_json
@@ -32,7 +32,7 @@ WHITE = [np.full(SMALL_RIG[1], 255, np.uint8)]
 def photos_of(board, poses, shown=WHITE):
     """What the virtual camera sees of the board in each pose, under each pattern."""
     for turn, middle in poses:
-        stiff, page = posed(board_pixels(board, 90), 90, board.square_mm, turn, middle)
+        stiff, page = posed_board(board_pixels(board, 90), 90, board.square_mm, turn, middle)
         yield structured_light(stiff, CAMERA, PROJECTOR, shown, page).frames
 
 
@@ -55,7 +55,7 @@ def exact_corners(count, board=BOARD, camera=CAMERA, alike=False):
     """Corners where the camera sees them, without any photo."""
     places, corners = [], []
     for turn, middle in board_poses(count):
-        stiff, _ = posed(np.zeros((7, 9), np.uint8), 1, board.square_mm, turn * (0.05 if alike else 1), middle)
+        stiff, _ = posed_board(np.zeros((7, 9), np.uint8), 1, board.square_mm, turn * (0.05 if alike else 1), middle)
         places.append(corner_points(board))
         corners.append(project(camera, stiff.bend(corner_points(board)[:, :2])))
     return places, corners
@@ -68,7 +68,7 @@ def test_corners_are_found_where_they_are(kind):
     turn, middle = next(board_poses(1))
     frames = next(photos_of(board, [(turn, middle)]))
     rows_of, xy = find_corners(board, frames[0])
-    stiff, _ = posed(board_pixels(board, 90), 90, 18.0, turn, middle)
+    stiff, _ = posed_board(board_pixels(board, 90), 90, 18.0, turn, middle)
     true = project(CAMERA, stiff.bend(corner_points(board)[:, :2]))
     if kind == "chessboard" and np.linalg.norm(xy[0] - true[0]) > 50:
         true = true[::-1]  # a chessboard looks the same from either end

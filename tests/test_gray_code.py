@@ -19,7 +19,7 @@ from planish.cli.main import run
 from planish.errors import InputError, UsageError
 from planish.gallery import sheet, typeset_sheet
 from planish.gallery.devices import PROJECTOR_LENS, SMALL_RIG, projector_rig, structured_light
-from planish.gallery.view import device, view
+from planish.gallery.scene_view import aim_camera, render_view
 from planish.geometry import project
 from planish.geometry.triangulation import meet_plane, rays
 from planish.io import image_files, read_captures
@@ -43,7 +43,7 @@ def capture(rig):
 @pytest.fixture(scope="module")
 def truth(rig):
     """What each camera pixel sees: points, and where they lie on the projector."""
-    seen = view(sheet("book"), rig[0])
+    seen = render_view(sheet("book"), rig[0])
     return seen, project(rig[1], seen.points.reshape(-1, 3)).reshape(*rig[0].shape_rc, 2)
 
 
@@ -130,7 +130,7 @@ def test_a_projector_calibrated_at_another_scale_is_refused_with_the_factor(rig,
     camera, projector = rig
     wrong = projector_of_code(projector, 1 / factor)
     xy = np.random.default_rng(0).uniform(0, 500, (3000, 2))
-    seen = view(sheet("book"), camera).points[xy[:, 1].astype(int), xy[:, 0].astype(int)]
+    seen = render_view(sheet("book"), camera).points[xy[:, 1].astype(int), xy[:, 0].astype(int)]
     xy = np.trunc(xy)
     code = project(projector, seen)
     assert check_fit(camera, projector, xy, code) < 0.01
@@ -143,9 +143,9 @@ def test_a_projector_calibrated_at_another_scale_is_refused_with_the_factor(rig,
 def test_patterns_that_were_stretched_one_way_are_refused(rig):
     """The projector stands above the camera, where rays miss each other little if its rows alone are scaled."""
     camera, _ = rig
-    projector = device((10, 230, 590), (0, 0, 10), 375, PROJECTOR, PROJECTOR_LENS)
+    projector = aim_camera((10, 230, 590), (0, 0, 10), 375, PROJECTOR, PROJECTOR_LENS)
     row, col = np.mgrid[5:512:9, 5:640:9]
-    seen = view(sheet("book"), camera).points[row, col].reshape(-1, 3)  # table and page
+    seen = render_view(sheet("book"), camera).points[row, col].reshape(-1, 3)  # table and page
     xy, code = np.c_[col.ravel(), row.ravel()].astype(float), project(projector, seen)
     assert check_fit(camera, projector, xy, code) < 0.01
     for factor in (1.25, 0.8):

@@ -17,14 +17,14 @@ from planish.acquire.laser.squares import find_squares
 from planish.cli.main import run
 from planish.errors import InputError
 from planish.gallery import sheet
-from planish.gallery.devices import board_poses, posed
+from planish.gallery.devices import board_poses, posed_board
 from planish.gallery.laser import (
     MIRROR_MM,
-    lit_sheet,
+    ground_truth,
+    laser_on_sheet,
+    mirror_angle_deg,
     plane_through,
     squared_paper,
-    truth_of,
-    turned_deg,
     virtual_lines,
 )
 from planish.gallery.scanner import overhead_camera
@@ -56,7 +56,7 @@ def paper():
 def test_a_book_page_comes_out_of_two_lines(book):
     made, lit = book
     acquired = from_laser_lines(lit, made.photo, made.camera, made.planes[0])
-    _, true = truth_of(made, acquired.scan.photo_xy)
+    _, true = ground_truth(made, acquired.scan.photo_xy)
     off = np.linalg.norm(acquired.scan.mesh.points - true, axis=1)
     # pixels of 0.33 mm, lines placed to 0.1 of one, seen at 33 degrees: 0.05 mm; at the spine the paper turns quickly
     assert np.sqrt(np.nanmean(off**2)) < 0.15
@@ -91,7 +91,7 @@ def test_unrolled_places_keep_their_distances(paper):
     cylinder = fit_cylinder(upper, lower, made.camera)
     for squares in find_squares(made.photo):
         _, flat = intersect_cylinder(cylinder, rays(made.camera, squares.xy)[0])
-        true, _ = truth_of(made, squares.xy)
+        true, _ = ground_truth(made, squares.xy)
         known = np.isfinite(flat).all(axis=1) & np.isfinite(true).all(axis=1)
         got, want = (np.linalg.norm(np.diff(v[known], axis=0), axis=1) for v in (flat, true))
         assert np.median(np.abs(got - want)) < 0.1
@@ -127,7 +127,7 @@ def test_squares_are_numbered_as_they_lie(paper):
     lattices = find_squares(made.photo)
     assert sum(len(squares.xy) for squares in lattices) > 600
     for squares in lattices:
-        true, _ = truth_of(made, squares.xy)
+        true, _ = ground_truth(made, squares.xy)
         cells = true / 8.0 - squares.ij
         known = np.isfinite(cells).all(axis=1)
         assert np.abs(cells[known] - np.median(cells[known], axis=0)).max() < 0.3
@@ -192,9 +192,9 @@ def mirror():
     photos, planes = [], []
     for foot, (turn, middle) in zip(np.repeat([0.0, 45, 90], 2), board_poses(6), strict=True):
         middle[:] = [-30 + foot / 2, middle[1], 30 + middle[2] / 4]  # where the light is, at that height
-        stiff, page = posed(np.pad(board_pixels(board, 90), 45, constant_values=255), 90, 18.0, turn, middle)
+        stiff, page = posed_board(np.pad(board_pixels(board, 90), 45, constant_values=255), 90, 18.0, turn, middle)
         plane = plane_through(MIRROR_MM, (foot, 0.0, 0.0))
-        photos.append(lit_sheet(stiff, plane[None, None], printed=(page, ""), camera=camera, line_mm=0.8).frame(0))
+        photos.append(laser_on_sheet(stiff, plane[None, None], printed=(page, ""), camera=camera, line_mm=0.8).frame(0))
         planes.append(plane)
     return board, camera, photos, np.array(planes)
 
@@ -202,11 +202,11 @@ def mirror():
 @pytest.mark.slow
 def test_the_axis_of_a_mirror_is_found(mirror):
     board, camera, photos, planes = mirror
-    found = calibrate_laser_axis(photos, list("abcdef"), camera, board, turned_deg(planes))
+    found = calibrate_laser_axis(photos, list("abcdef"), camera, board, mirror_angle_deg(planes))
     assert found.rms_mm < 0.15  # pixels are 0.45 mm, lines are placed to a tenth of one
     for foot in (-20.0, 30.0, 110.0):  # also beyond the angles that were shown
         true = plane_through(MIRROR_MM, (foot, 0.0, 0.0))
-        at = rotate_plane(found.plane, found.point, found.direction, np.radians(turned_deg(true[None])[0]))
+        at = rotate_plane(found.plane, found.point, found.direction, np.radians(mirror_angle_deg(true[None])[0]))
         y, z = (v.ravel() for v in np.meshgrid(np.linspace(-80, 80, 5), np.linspace(0, 80, 5)))
         lit = np.column_stack([-(true[1] * y + true[2] * z + true[3]) / true[0], y, z])
         assert np.abs(lit @ at[:3] + at[3]).max() < 1.0  # mm, at 1/2 of the shown range beyond it; within 0.3
@@ -215,7 +215,7 @@ def test_the_axis_of_a_mirror_is_found(mirror):
 @pytest.mark.slow
 def test_angles_that_do_not_do_are_named(mirror):
     board, camera, photos, planes = mirror
-    names, angles = list("abcdef"), turned_deg(planes)
+    names, angles = list("abcdef"), mirror_angle_deg(planes)
     with pytest.raises(InputError, match="from 3 to 3 degrees; at least 2"):
         calibrate_laser_axis(photos, names, camera, board, np.full(6, 3.0))
     with pytest.raises(InputError, match="on 1 photos of the board are almost one line"):

@@ -10,7 +10,7 @@ from planish.acquire.laser.sweep import Sweep, fit_plane, from_laser, planes_fro
 from planish.cli.main import run
 from planish.errors import InputError
 from planish.gallery import sheet
-from planish.gallery.laser import truth_of, virtual_sweep
+from planish.gallery.laser import ground_truth, virtual_sweep
 from planish.io import read_scan, write_page
 from planish.io.cameras import camera_as_json
 from planish.io.lasers import read_sweep
@@ -41,7 +41,7 @@ def scan(swept, **options):
 
 
 def surface_rms(made, acquired):
-    _, true = truth_of(made, acquired.scan.photo_xy)
+    _, true = ground_truth(made, acquired.scan.photo_xy)
     off = np.linalg.norm(acquired.scan.mesh.points - true, axis=1)
     return np.sqrt(np.nanmean(off**2))
 

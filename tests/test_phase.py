@@ -17,7 +17,7 @@ from planish.cli.main import run
 from planish.errors import InputError, UsageError
 from planish.gallery import sheet, typeset_sheet
 from planish.gallery.devices import projector_rig, structured_light
-from planish.gallery.view import view
+from planish.gallery.scene_view import render_view
 from planish.geometry import project
 
 CAMERA, PROJECTOR = (256, 320), (400, 640)
@@ -43,7 +43,7 @@ def capture():
     book = sheet("book")
     rig = projector_rig(book, CAMERA, PROJECTOR)
     made = structured_light(book, *rig, all_patterns(PROJECTOR, STEPS), typeset_sheet(book)[0])
-    seen = view(book, rig[0])
+    seen = render_view(book, rig[0])
     true = project(rig[1], seen.points.reshape(-1, 3)).reshape(*CAMERA, 2)
     return rig, made, true, np.isfinite(seen.page_xy[..., 0]), seen
 

@@ -7,11 +7,11 @@ import planish
 from planish.acquire.grid_mesh import grid_mesh
 from planish.document.surroundings import leave_out_surroundings
 from planish.gallery import sheet
-from planish.gallery.view import device, view
+from planish.gallery.scene_view import aim_camera, render_view
 from planish.settings import BinarizeSettings, RenderSettings, RestoreSettings, ShadingSettings
 from planish.types import Scan
 
-CAMERA = device((0, -60, 620), (0, 0, 0), 520, (240, 320))
+CAMERA = aim_camera((0, -60, 620), (0, 0, 0), 520, (240, 320))
 QUICK = RestoreSettings(
     render=RenderSettings(dpi=72),
     shading=ShadingSettings(shading="none"),
@@ -22,7 +22,7 @@ QUICK = RestoreSettings(
 
 def seen(name, table=70.0, with_table=True):
     """A range image of a sheet of blank paper on its table, and a photo by the same camera."""
-    shown = view(sheet(name), CAMERA)
+    shown = render_view(sheet(name), CAMERA)
     paper = np.isfinite(shown.page_xy[..., 0])
     levels = np.where(paper, 215.0, table) + np.random.default_rng(1).normal(0, 4, paper.shape)
     photo = np.repeat(np.clip(levels, 0, 255).astype(np.uint8)[..., None], 3, axis=2)

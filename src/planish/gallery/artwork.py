@@ -76,8 +76,8 @@ def stamp_print(lines: Sequence[str], size: float) -> Image.Image:
         pen.text((width / 2, (1.1 + 1.3 * k) * big), line, RED, font, anchor="mm", stroke_width=round(big / 30))
     frame = (inset, inset, width - inset, height - inset)
     pen.rounded_rectangle(frame, radius=0.4 * big, outline=RED, width=round(0.12 * big))
-    askew = image.rotate(6, Image.Resampling.BICUBIC, expand=True, fillcolor="white")
-    return askew.resize([n // SUPERSAMPLE for n in askew.size], Image.Resampling.BOX)
+    rotated = image.rotate(6, Image.Resampling.BICUBIC, expand=True, fillcolor="white")
+    return rotated.resize([n // SUPERSAMPLE for n in rotated.size], Image.Resampling.BOX)
 
 
 RED = (196, 30, 46)

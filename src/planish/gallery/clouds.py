@@ -9,11 +9,11 @@ from scipy.spatial import cKDTree
 
 from planish.gallery.light import Light, irradiance
 from planish.gallery.photograph import photograph
+from planish.gallery.pixel_to_page import fine_mesh
 from planish.gallery.scanner import overhead_camera
+from planish.gallery.scene_view import TABLE_DEPTH_MM, SceneView, aim_camera, reflectance, render_view
 from planish.gallery.sheets import Sheet, normals
-from planish.gallery.sight import fine_mesh
 from planish.gallery.typeset import typeset_sheet
-from planish.gallery.view import TABLE_DEPTH_MM, View, device, reflectance, view
 from planish.types import Bools, Camera, Floats, Page, Pixels
 
 SCANNER_MM = (3.0, -2.0, 650.0)
@@ -22,15 +22,15 @@ SCANNER_MM = (3.0, -2.0, 650.0)
 STEEPEST_DEG = 80.0
 """A scanner's laser comes back from surfaces that are turned away by less."""
 
-BLIND = 0.003
+MISSING_SHARE = 0.003
 """Part of the pixels that see nothing, wherever they look."""
 
-AROUND_MM = 15.0
+TABLE_MARGIN_MM = 15.0
 """So much of the table around the sheet stands in a photogrammetry cloud."""
 
-STRAY = 0.002
-"""Part of its points that are matches gone wrong, up to `STRAY_MM` off the surface."""
-STRAY_MM = 15.0
+OUTLIER_SHARE = 0.002
+"""Part of its points that are matches gone wrong, up to `OUTLIER_MM` off the surface."""
+OUTLIER_MM = 15.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,19 +91,19 @@ def range_image(
     if shape_rc is None:
         shape_rc = (640, 480) if sheet.height_mm >= sheet.width_mm else (480, 640)
     width_mm = max(sheet.width_mm, sheet.height_mm * shape_rc[1] / shape_rc[0])
-    camera = device(SCANNER_MM, (SCANNER_MM[0], SCANNER_MM[1], 10.0), 1.06 * width_mm, shape_rc)
-    seen = view(sheet, camera)
+    camera = aim_camera(SCANNER_MM, (SCANNER_MM[0], SCANNER_MM[1], 10.0), 1.06 * width_mm, shape_rc)
+    seen = render_view(sheet, camera)
     points = seen.points @ camera.rotation.T + camera.translation
-    away = np.linalg.norm(points, axis=2, keepdims=True)
-    towards = -(seen.normals @ camera.rotation.T * points).sum(axis=2) / away[..., 0]
-    points = points * (1 + noise_mm * rng.standard_normal(away.shape) / away)
-    points[(towards < np.cos(np.radians(STEEPEST_DEG))) | (rng.random(shape_rc) < BLIND)] = np.nan
+    distance = np.linalg.norm(points, axis=2, keepdims=True)
+    towards = -(seen.normals @ camera.rotation.T * points).sum(axis=2) / distance[..., 0]
+    points = points * (1 + noise_mm * rng.standard_normal(distance.shape) / distance)
+    points[(towards < np.cos(np.radians(STEEPEST_DEG))) | (rng.random(shape_rc) < MISSING_SHARE)] = np.nan
     colours = photograph(sheet, fine_mesh(sheet, 1.0), page, camera, Light(), 1.0, rng)
     return RangeImage(points, colours, camera, page)
 
 
 @dataclass(frozen=True, eq=False)
-class PhotoPoints:
+class PhotogrammetryCloud:
     """What a photogrammetry program delivers.
 
     Attributes
@@ -128,7 +128,7 @@ class PhotoPoints:
     page: Page
 
 
-def photo_points(
+def photogrammetry_cloud(
     sheet: Sheet,
     *,
     points: int = 300_000,
@@ -136,7 +136,7 @@ def photo_points(
     photo_px: tuple[int, int] | None = (4000, 3000),
     printed: Page | None = None,
     rng: np.random.Generator | int = 0,
-) -> PhotoPoints:
+) -> PhotogrammetryCloud:
     """Scatter coloured points over a sheet and the table around it, as photogrammetry does.
 
     Errors are the same in all directions; one point in 500 lies anywhere up to 15 mm off the surface.
@@ -157,44 +157,44 @@ def photo_points(
     Examples
     --------
     >>> from planish.gallery import sheet
-    >>> made = photo_points(sheet("letter"), points=2000, photo_px=None)
+    >>> made = photogrammetry_cloud(sheet("letter"), points=2000, photo_px=None)
     >>> made.points.shape == made.normals.shape == made.colours.shape, len(made.points) > 2000
     (True, True)
     """
     rng = np.random.default_rng(rng)
     page = printed or typeset_sheet(sheet)[0]
     page_xy = rng.uniform(0, [sheet.width_mm, sheet.height_mm], (points, 2))
-    place, upward = sheet.bend(page_xy), normals(sheet, page_xy)
-    table = _table_around(place, points / (sheet.width_mm * sheet.height_mm), rng)
+    position, upward = sheet.bend(page_xy), normals(sheet, page_xy)
+    table = _table_around(position, points / (sheet.width_mm * sheet.height_mm), rng)
     at = np.concatenate([page_xy, np.full((len(table), 2), np.nan)])
-    place = np.concatenate([place, table])
+    position = np.concatenate([position, table])
     upward = np.concatenate([upward, np.tile([0.0, 0.0, 1.0], (len(table), 1))])
-    colours = _seen_colours(place, upward, at, page)
+    colours = _seen_colours(position, upward, at, page)
 
-    off = noise_mm * rng.standard_normal(place.shape)
-    stray = rng.random(len(place)) < STRAY
-    off[stray] += upward[stray] * rng.uniform(-STRAY_MM, STRAY_MM, (int(stray.sum()), 1))
-    rough = upward + 0.1 * rng.standard_normal(upward.shape)
-    rough /= np.linalg.norm(rough, axis=1, keepdims=True)
+    error = noise_mm * rng.standard_normal(position.shape)
+    outlier = rng.random(len(position)) < OUTLIER_SHARE
+    error[outlier] += upward[outlier] * rng.uniform(-OUTLIER_MM, OUTLIER_MM, (int(outlier.sum()), 1))
+    noisy_normals = upward + 0.1 * rng.standard_normal(upward.shape)
+    noisy_normals /= np.linalg.norm(noisy_normals, axis=1, keepdims=True)
     camera = overhead_camera(sheet, photo_px or (1000, 750), turn_deg=5.0)
     photo = photograph(sheet, fine_mesh(sheet, 1.0), page, camera, Light(), 1.0, rng) if photo_px else None
-    order = rng.permutation(len(place))
-    return PhotoPoints((place + off)[order], colours[order], rough[order], photo, camera, page)
+    order = rng.permutation(len(position))
+    return PhotogrammetryCloud((position + error)[order], colours[order], noisy_normals[order], photo, camera, page)
 
 
-def _table_around(place: Floats, density: float, rng: np.random.Generator) -> Floats:
+def _table_around(position: Floats, density: float, rng: np.random.Generator) -> Floats:
     """Random points of the table around what lies on it, and not under it."""
-    low, high = place[:, :2].min(axis=0) - AROUND_MM, place[:, :2].max(axis=0) + AROUND_MM
-    spots = rng.uniform(low, high, (int(density * np.prod(high - low)), 2))
-    apart = cKDTree(place[:, :2]).query(spots)[0] > 2 / np.sqrt(density)
-    free: Bools = np.asarray(apart)
-    return np.column_stack([spots[free], np.full(int(free.sum()), -TABLE_DEPTH_MM)])
+    low, high = position[:, :2].min(axis=0) - TABLE_MARGIN_MM, position[:, :2].max(axis=0) + TABLE_MARGIN_MM
+    candidates = rng.uniform(low, high, (int(density * np.prod(high - low)), 2))
+    apart = cKDTree(position[:, :2]).query(candidates)[0] > 2 / np.sqrt(density)
+    uncovered: Bools = np.asarray(apart)
+    return np.column_stack([candidates[uncovered], np.full(int(uncovered.sum()), -TABLE_DEPTH_MM)])
 
 
-def _seen_colours(place: Floats, upward: Floats, page_xy: Floats, page: Page) -> Pixels:
+def _seen_colours(position: Floats, upward: Floats, page_xy: Floats, page: Page) -> Pixels:
     """Colours of points as a photo shows them; `page_xy` is NaN on the table."""
     light = Light()
-    sent = reflectance(View(place[None], upward[None], page_xy[None]), page, light.gamma)[0]
-    bright = irradiance(light, place, upward, np.ones(len(place)))
+    sent = reflectance(SceneView(position[None], upward[None], page_xy[None]), page, light.gamma)[0]
+    bright = irradiance(light, position, upward, np.ones(len(position)))
     linear = sent * (bright * light.exposure / bright.max())[:, None]
     return np.clip(np.rint(255 * np.clip(linear, 0, 1) ** (1 / light.gamma)), 0, 255).astype(np.uint8)

@@ -14,10 +14,18 @@ from scipy.spatial.transform import Rotation
 from planish.dpi import MM_PER_INCH
 from planish.gallery.light import Light
 from planish.gallery.photograph import photograph
+from planish.gallery.pixel_to_page import fine_mesh
+from planish.gallery.scene_view import (
+    SceneView,
+    aim_camera,
+    bin_pixels,
+    lit_mask,
+    reflectance,
+    render_view,
+    supersampled_camera,
+)
 from planish.gallery.sheets import Sheet
-from planish.gallery.sight import fine_mesh
 from planish.gallery.typeset import typeset_sheet
-from planish.gallery.view import View, binned, device, lit, reflectance, view, zoomed
 from planish.geometry import depths, project
 from planish.parallel import thread_pool
 from planish.types import Camera, Floats, Page, Pixels
@@ -27,7 +35,7 @@ LENS = (-0.12, 0.10, 0.0006, -0.0004)
 
 PROJECTOR_LENS = (-0.05, 0.02, 0.0, 0.001)
 
-SUB = 2
+SUPERSAMPLING = 2
 """A pixel of a virtual camera gathers the light of so many by so many places."""
 
 BLUR_PX = 0.5
@@ -99,17 +107,17 @@ def depth_capture(
     """
     rng = np.random.default_rng(rng)
     page = printed or typeset_sheet(sheet)[0]
-    camera = device((0, 0, 520), (0, 0, 10), 1.15 * _width_to_see(sheet, shape_rc), shape_rc)
+    camera = aim_camera((0, 0, 520), (0, 0, 10), 1.15 * _width_to_see(sheet, shape_rc), shape_rc)
     long, short = max(photo_px), min(photo_px)
     upright = sheet.height_mm >= sheet.width_mm
     photo_rc = (long, short) if upright else (short, long)
-    photo_camera = device((25, 0, 520), (0, 0, 10), 1.12 * _width_to_see(sheet, photo_rc), photo_rc, LENS)
-    fine = binned(_depth_at(view(sheet, zoomed(camera, SUB)), camera), SUB)
+    photo_camera = aim_camera((25, 0, 520), (0, 0, 10), 1.12 * _width_to_see(sheet, photo_rc), photo_rc, LENS)
+    fine = bin_pixels(_depth_at(render_view(sheet, supersampled_camera(camera, SUPERSAMPLING)), camera), SUPERSAMPLING)
     photo = photograph(sheet, fine_mesh(sheet, 1.0), page, photo_camera, Light(), 1.0, rng)
-    return DepthCapture(list(_noisy(fine, frames, noise_mm, rng)), camera, photo, photo_camera, page)
+    return DepthCapture(list(_with_noise(fine, frames, noise_mm, rng)), camera, photo, photo_camera, page)
 
 
-def _noisy(depth: Floats, frames: int, noise_mm: float, rng: np.random.Generator) -> Iterator[Floats]:
+def _with_noise(depth: Floats, frames: int, noise_mm: float, rng: np.random.Generator) -> Iterator[Floats]:
     typical = np.nanmedian(depth)
     for _ in range(frames):
         frame = np.rint(depth + noise_mm * (depth / typical) ** 2 * rng.standard_normal(depth.shape))
@@ -117,7 +125,7 @@ def _noisy(depth: Floats, frames: int, noise_mm: float, rng: np.random.Generator
         yield frame
 
 
-def _depth_at(seen: View, camera: Camera) -> Floats:
+def _depth_at(seen: SceneView, camera: Camera) -> Floats:
     return depths(camera, seen.points.reshape(-1, 3)).reshape(seen.points.shape[:2])
 
 
@@ -136,9 +144,9 @@ def projector_rig(
     -------
     camera, projector : Camera
     """
-    camera = device((10, 0, 620), (0, 0, 10), 1.1 * _width_to_see(sheet, camera_rc), camera_rc, LENS)
+    camera = aim_camera((10, 0, 620), (0, 0, 10), 1.1 * _width_to_see(sheet, camera_rc), camera_rc, LENS)
     width = 1.25 * _width_to_see(sheet, projector_rc)
-    return camera, device((-210, 15, 590), (0, 0, 10), width, projector_rc, PROJECTOR_LENS)
+    return camera, aim_camera((-210, 15, 590), (0, 0, 10), width, projector_rc, PROJECTOR_LENS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,60 +193,62 @@ def structured_light(
     rng : numpy.random.Generator or int
     """
     rng = np.random.default_rng(rng)
-    seen = view(sheet, zoomed(camera, SUB))
+    seen = render_view(sheet, supersampled_camera(camera, SUPERSAMPLING))
     at = project(projector, seen.points.reshape(-1, 3)).astype(np.float32).reshape(*seen.points.shape[:2], 2)
     light = _light_from(projector, sheet, seen, at, exposure)
     colours = reflectance(seen, page).astype(np.float32)
     grey = colours.mean(axis=2)
 
-    def exposed(pattern: NDArray[np.uint8], sent: NDArray[np.float32]) -> NDArray[np.uint8]:
+    def expose(pattern: NDArray[np.uint8], reflected: NDArray[np.float32]) -> NDArray[np.uint8]:
         levels = np.zeros(camera.shape_rc, np.float32)
         with thread_pool() as parallel_for:
             parallel_for(
-                _expose, len(levels), pattern, at, light, np.float32(AMBIENT * exposure), sent, levels, block=64
+                _expose, len(levels), pattern, at, light, np.float32(AMBIENT * exposure), reflected, levels, block=64
             )
         levels = 255 * ndimage.gaussian_filter(levels, BLUR_PX)
         levels += np.float32(noise) * rng.standard_normal(levels.shape, np.float32)
         return np.clip(np.rint(levels), 0, 255).astype(np.uint8)
 
-    frames = np.stack([exposed(pattern, grey) for pattern in patterns])
+    frames = np.stack([expose(pattern, grey) for pattern in patterns])
     white = np.full(projector.shape_rc, 255, np.uint8)
-    photo = np.stack([exposed(white, np.ascontiguousarray(colours[..., k])) for k in range(3)], axis=-1)
+    photo = np.stack([expose(white, np.ascontiguousarray(colours[..., k])) for k in range(3)], axis=-1)
     return PatternCapture(frames, photo)
 
 
 def _light_from(
-    projector: Camera, sheet: Sheet, seen: View, at: NDArray[np.float32], exposure: float
+    projector: Camera, sheet: Sheet, seen: SceneView, at: NDArray[np.float32], exposure: float
 ) -> NDArray[np.float32]:
     """Light that full white of a projector throws on what each pixel sees; `exposure` on the brightest paper."""
-    way = -projector.rotation.T @ projector.translation - seen.points
-    distance = np.linalg.norm(way, axis=-1)
-    falls = np.clip((way * seen.normals).sum(axis=-1) / distance, 0, None) / distance**2
-    falls *= lit(sheet, projector, seen.points, at)
-    brightest = np.nanmax(np.where(np.isfinite(seen.page_xy[..., 0]), falls, np.nan))
-    return np.nan_to_num(falls * exposure / ((1 + AMBIENT) * brightest)).astype(np.float32)
+    to_lamp = -projector.rotation.T @ projector.translation - seen.points
+    distance = np.linalg.norm(to_lamp, axis=-1)
+    incident = np.clip((to_lamp * seen.normals).sum(axis=-1) / distance, 0, None) / distance**2
+    incident *= lit_mask(sheet, projector, seen.points, at)
+    brightest = np.nanmax(np.where(np.isfinite(seen.page_xy[..., 0]), incident, np.nan))
+    return np.nan_to_num(incident * exposure / ((1 + AMBIENT) * brightest)).astype(np.float32)
 
 
 @njit(cache=True, nogil=True)
-def _expose(first, last, pattern, at, light, room, sent, levels):  # type: ignore[no-untyped-def]
+def _expose(first, last, pattern, at, light, ambient, reflected, levels):  # type: ignore[no-untyped-def]
     """Light, 0 to 1, that pixels receive in the mean of their places; the pattern is linear between its pixels."""
     rows, cols = pattern.shape
     for r in range(first, last):
         for q in range(levels.shape[1]):
-            for i in range(SUB * r, SUB * r + SUB):
-                for j in range(SUB * q, SUB * q + SUB):
+            for i in range(SUPERSAMPLING * r, SUPERSAMPLING * r + SUPERSAMPLING):
+                for j in range(SUPERSAMPLING * q, SUPERSAMPLING * q + SUPERSAMPLING):
                     x, y = at[i, j, 0], at[i, j, 1]
-                    thrown = np.float32(0.0)
+                    projected = np.float32(0.0)
                     if 0.0 <= x < cols - 1 and 0.0 <= y < rows - 1:
                         c, d = int(x), int(y)
                         fx, fy = x - np.float32(c), y - np.float32(d)
                         above = (1 - fx) * pattern[d, c] + fx * pattern[d, c + 1]
                         below = (1 - fx) * pattern[d + 1, c] + fx * pattern[d + 1, c + 1]
-                        thrown = ((1 - fy) * above + fy * below) / np.float32(255.0)
-                    levels[r, q] += sent[i, j] * (light[i, j] * thrown + room) / (SUB * SUB)
+                        projected = ((1 - fy) * above + fy * below) / np.float32(255.0)
+                    levels[r, q] += (
+                        reflected[i, j] * (light[i, j] * projected + ambient) / (SUPERSAMPLING * SUPERSAMPLING)
+                    )
 
 
-def posed(
+def posed_board(
     pixels: NDArray[np.uint8], square_px: int, square_mm: float, turn: Floats, middle: Floats
 ) -> tuple[Sheet, Page]:
     """Hold a stiff flat board over the table.
@@ -258,8 +268,8 @@ def posed(
     rotation = Rotation.from_rotvec(turn).as_matrix()
 
     def bend(xy: Floats) -> Floats:
-        lying = np.column_stack([xy[:, 0] - size[0] / 2, size[1] / 2 - xy[:, 1], np.zeros(len(xy))])
-        return np.asarray(lying @ rotation.T + middle)
+        flat_points = np.column_stack([xy[:, 0] - size[0] / 2, size[1] / 2 - xy[:, 1], np.zeros(len(xy))])
+        return np.asarray(flat_points @ rotation.T + middle)
 
     board = Sheet("board", float(size[0]), float(size[1]), bend)
     return board, Page(pixels, np.ones(pixels.shape, bool), MM_PER_INCH * square_px / square_mm)

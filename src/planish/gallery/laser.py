@@ -17,9 +17,16 @@ from planish.color import code_values
 from planish.dpi import MM_PER_INCH
 from planish.gallery.light import Light, irradiance, visibility
 from planish.gallery.photograph import photograph
+from planish.gallery.pixel_to_page import (
+    FineMesh,
+    fine_mesh,
+    interpolate_to_pixels,
+    pixels_showing,
+    rasterize_front,
+    refine_page_xy,
+)
 from planish.gallery.scanner import overhead_camera
 from planish.gallery.sheets import Sheet, normals
-from planish.gallery.sight import FineMesh, covered, fine_mesh, interpolated, pixels_of, put_right
 from planish.gallery.typeset import typeset_sheet
 from planish.parallel import thread_pool
 from planish.types import Camera, Floats, Page
@@ -33,7 +40,7 @@ ROOM = Light(exposure=0.35, shadows=False)
 LASER_COLOUR = np.array([0.05, 1.0, 0.08])
 """Of a green laser, as the camera sees it: red, green, blue."""
 
-FINER = 2
+SUPERSAMPLING = 2
 """Places across a photo pixel."""
 
 CELL_MM = 1.0
@@ -75,7 +82,7 @@ class _Scene:
 
     points: NDArray[np.float32]
     room: NDArray[np.float32]
-    echo: NDArray[np.float32]
+    laser_ratio: NDArray[np.float32]
 
 
 def virtual_sweep(
@@ -122,8 +129,8 @@ def virtual_sweep(
     """
     x = np.linspace(-0.5, 0.5, frames) * (sheet.width_mm + 4)
     planes = np.stack([plane_through(MIRROR_MM, (place, 0.0, 0.0)) for place in x])[:, None]
-    setting = (line_mm, strength, speckle, grain)
-    return _photographed(sheet, planes, (MIRROR_MM,), photo_px, setting, printed, camera, rng)
+    optics = (line_mm, strength, speckle, grain)
+    return _capture(sheet, planes, (MIRROR_MM,), photo_px, optics, printed, camera, rng)
 
 
 def virtual_lines(
@@ -153,11 +160,11 @@ def virtual_lines(
     feet = (0.0, 0.18 * sheet.height_mm, 0.0), (0.0, -0.18 * sheet.height_mm, 0.0)
     pairs = zip(sources, feet, strict=True)
     planes = np.stack([plane_through(source, foot, (1.0, 0, 0)) for source, foot in pairs])[None]
-    setting = (line_mm, strength, speckle, grain)
-    return _photographed(sheet, planes, sources, photo_px, setting, printed, camera, rng)
+    optics = (line_mm, strength, speckle, grain)
+    return _capture(sheet, planes, sources, photo_px, optics, printed, camera, rng)
 
 
-def lit_sheet(
+def laser_on_sheet(
     sheet: Sheet,
     planes: Floats,
     *,
@@ -167,10 +174,10 @@ def lit_sheet(
     rng: np.random.Generator | int = 0,
 ) -> VirtualSweep:
     """Lay the line of `virtual_sweep`'s laser over a sheet, in given planes (frames, 1, 4)."""
-    return _photographed(sheet, planes, (MIRROR_MM,), camera.shape_rc, (line_mm, 1.0, 0.1, 1.0), printed, camera, rng)
+    return _capture(sheet, planes, (MIRROR_MM,), camera.shape_rc, (line_mm, 1.0, 0.1, 1.0), printed, camera, rng)
 
 
-def turned_deg(planes: Floats) -> Floats:
+def mirror_angle_deg(planes: Floats) -> Floats:
     """Angles (n,) [degrees] by which `virtual_sweep`'s mirror has turned planes (n, 4), from that through x = 0."""
     first = plane_through(MIRROR_MM, (0.0, 0.0, 0.0))[:3]
     return np.asarray(np.degrees(np.arctan2(np.cross(first, planes[:, :3])[:, 1], planes[:, :3] @ first)))
@@ -191,12 +198,12 @@ def plane_through(source: Sequence[float], foot: Sequence[float], along: Sequenc
     return np.array([*normal, -normal @ np.asarray(source)])
 
 
-def _photographed(
+def _capture(
     sheet: Sheet,
     planes: Floats,
     sources: Sequence[Sequence[float]],
     photo_px: tuple[int, int],
-    setting: tuple[float, float, float, float],
+    optics: tuple[float, float, float, float],
     printed: tuple[Page, str] | None,
     camera: Camera | None,
     rng: np.random.Generator | int,
@@ -205,7 +212,7 @@ def _photographed(
     page, text = typeset_sheet(sheet) if printed is None else printed
     camera = overhead_camera(sheet, photo_px) if camera is None else camera
     scene = _scene(sheet, page, camera, sources)
-    line_mm, strength, speckle, grain = setting
+    line_mm, strength, speckle, grain = optics
     seeds = np.random.SeedSequence(int(np.random.default_rng(rng).integers(2**32))).spawn(len(planes) + 1)
 
     def take(seed: np.random.SeedSequence, lit: Floats) -> NDArray[np.uint8]:
@@ -213,9 +220,9 @@ def _photographed(
         light = np.empty((*camera.shape_rc, 3), np.float32)
         pattern = 1 + speckle * noise.standard_normal((64, 64), np.float32)
         colour = (strength * LASER_COLOUR).astype(np.float32)
-        given = scene.points, scene.room, scene.echo, lit, 1 / (2 * line_mm**2), colour, pattern
+        arguments = scene.points, scene.room, scene.laser_ratio, lit, 1 / (2 * line_mm**2), colour, pattern
         with thread_pool() as parallel_for:
-            parallel_for(_expose, len(light), *given, int(noise.integers(2**30)), light, block=64)
+            parallel_for(_expose, len(light), *arguments, int(noise.integers(2**30)), light, block=64)
         code = code_values(np.dtype(np.uint16))[(np.clip(light, 0, 1) * 65535 + 0.5).astype(np.uint16)]
         levels = code / np.float32(257) + np.float32(grain) * noise.standard_normal(light.shape, np.float32)
         return np.clip(np.rint(levels), 0, 255).astype(np.uint8)
@@ -227,60 +234,70 @@ def _photographed(
 def _scene(sheet: Sheet, page: Page, camera: Camera, sources: Sequence[Sequence[float]]) -> _Scene:
     """The sheet at 2 x 2 places of every photo pixel."""
     lens = camera.matrix.copy()
-    lens[:2] *= FINER
-    lens[:2, 2] += (FINER - 1) / 2
-    fine_camera = replace(camera, matrix=lens, shape_rc=(FINER * camera.shape_rc[0], FINER * camera.shape_rc[1]))
-    fine = fine_mesh(sheet, CELL_MM)
-    room = photograph(sheet, fine, page, fine_camera, ROOM, 0.0, np.random.default_rng(0))
+    lens[:2] *= SUPERSAMPLING
+    lens[:2, 2] += (SUPERSAMPLING - 1) / 2
+    fine_camera = replace(
+        camera, matrix=lens, shape_rc=(SUPERSAMPLING * camera.shape_rc[0], SUPERSAMPLING * camera.shape_rc[1])
+    )
+    mesh = fine_mesh(sheet, CELL_MM)
+    room = photograph(sheet, mesh, page, fine_camera, ROOM, 0.0, np.random.default_rng(0))
     room_light = ((np.arange(256) / 255) ** ROOM.gamma).astype(np.float32)[room]
-    face, weights = covered(fine, fine_camera, fine_camera.shape_rc, 1.0)
-    places = interpolated(face, weights, fine.faces, fine.page_xy)
-    bent = pixels_of(face, fine.sagitta_mm > FLAT_MM)
-    places[bent] = put_right(sheet, fine, fine_camera, face[bent], places[bent], np.stack(bent[::-1], axis=1))
+    face, weights = rasterize_front(mesh, fine_camera, fine_camera.shape_rc, 1.0)
+    page_positions = interpolate_to_pixels(face, weights, mesh.faces, mesh.page_xy)
+    curved = pixels_showing(face, mesh.sagitta_mm > FLAT_MM)
+    page_positions[curved] = refine_page_xy(
+        sheet, mesh, fine_camera, face[curved], page_positions[curved], np.stack(curved[::-1], axis=1)
+    )
     seen = np.nonzero(face >= 0)
     points = np.full((*face.shape, 3), np.nan, np.float32)
-    points[seen] = sheet.bend(places[seen])
-    upward = normals(sheet, fine.page_xy)
-    lamps = np.stack([_on_laser(fine, upward, source) for source in sources], axis=1)
-    by_laser = interpolated(face, weights, fine.faces, lamps)
-    above = irradiance(ROOM, fine.points, upward, np.ones(len(upward)))
-    by_room = interpolated(face, weights, fine.faces, (above * ROOM.exposure / above.max())[:, None])
-    echo = np.nan_to_num(by_laser / by_room).astype(np.float32)  # times the room's light: what the laser sends back
-    return _Scene(points, room_light, echo)
+    points[seen] = sheet.bend(page_positions[seen])
+    upward = normals(sheet, mesh.page_xy)
+    lamps = np.stack([_laser_irradiance(mesh, upward, source) for source in sources], axis=1)
+    laser_light = interpolate_to_pixels(face, weights, mesh.faces, lamps)
+    above = irradiance(ROOM, mesh.points, upward, np.ones(len(upward)))
+    ambient_light = interpolate_to_pixels(face, weights, mesh.faces, (above * ROOM.exposure / above.max())[:, None])
+    laser_ratio = np.nan_to_num(laser_light / ambient_light).astype(
+        np.float32
+    )  # times the room's light: what the laser sends back
+    return _Scene(points, room_light, laser_ratio)
 
 
-def _on_laser(fine: FineMesh, upward: Floats, source: Sequence[float]) -> Floats:
+def _laser_irradiance(mesh: FineMesh, upward: Floats, source: Sequence[float]) -> Floats:
     """Cosine at which the laser's light falls on each point, 0 in shadow."""
     lamp = Light(position_mm=(source[0], source[1], source[2]))
-    way = np.asarray(source) - fine.points
+    way = np.asarray(source) - mesh.points
     cosine = np.einsum("ij,ij->i", upward, way) / np.linalg.norm(way, axis=1)
-    return np.asarray(np.clip(cosine, 0, None) * visibility(lamp, fine.points, upward, fine.faces))
+    return np.asarray(np.clip(cosine, 0, None) * visibility(lamp, mesh.points, upward, mesh.faces))
 
 
 @njit(cache=True, nogil=True)
-def _expose(first, last, points, room, echo, planes, sharpness, colour, pattern, seed, light):  # type: ignore[no-untyped-def]
+def _expose(first, last, points, room, laser_ratio, planes, sharpness, colour, pattern, seed, light):  # type: ignore[no-untyped-def]
     """Mean light of FINER x FINER places: room (1 + laser exp(-distance^2 / 2 sd^2) speckle)."""
     for i in range(first, last):
         for j in range(light.shape[1]):
             for c in range(3):
                 light[i, j, c] = 0.0
-            for r in range(FINER * i, FINER * i + FINER):
-                for q in range(FINER * j, FINER * j + FINER):
+            for r in range(SUPERSAMPLING * i, SUPERSAMPLING * i + SUPERSAMPLING):
+                for q in range(SUPERSAMPLING * j, SUPERSAMPLING * j + SUPERSAMPLING):
                     laser = 0.0
                     for k in range(len(planes)):
                         n = planes[k]
                         p = points[r, q]
-                        far = n[0] * p[0] + n[1] * p[1] + n[2] * p[2] + n[3]
-                        if far * far * sharpness < 16.0:
-                            shape = np.exp(-far * far * sharpness)
-                            laser += shape * echo[r, q, k] * pattern[(r * 7 + seed) % 64, (q * 5 + r // 9 + seed) % 64]
+                        distance = n[0] * p[0] + n[1] * p[1] + n[2] * p[2] + n[3]
+                        if distance * distance * sharpness < 16.0:
+                            shape = np.exp(-distance * distance * sharpness)
+                            laser += (
+                                shape
+                                * laser_ratio[r, q, k]
+                                * pattern[(r * 7 + seed) % 64, (q * 5 + r // 9 + seed) % 64]
+                            )
                     for c in range(3):
                         light[i, j, c] += room[r, q, c] * (1.0 + colour[c] * max(laser, 0.0))
             for c in range(3):
-                light[i, j, c] /= FINER * FINER
+                light[i, j, c] /= SUPERSAMPLING * SUPERSAMPLING
 
 
-def truth_of(sweep: VirtualSweep, photo_xy: Floats) -> tuple[Floats, Floats]:
+def ground_truth(sweep: VirtualSweep, photo_xy: Floats) -> tuple[Floats, Floats]:
     """What the camera truly sees at places of the photo.
 
     Parameters
@@ -294,13 +311,13 @@ def truth_of(sweep: VirtualSweep, photo_xy: Floats) -> tuple[Floats, Floats]:
         Place on the flat page; NaN beside the sheet.
     points : (n, 3) float64 [mm]
     """
-    fine = fine_mesh(sweep.sheet, CELL_MM)
-    face, weights = covered(fine, sweep.camera, sweep.camera.shape_rc, 1.0)
+    mesh = fine_mesh(sweep.sheet, CELL_MM)
+    face, weights = rasterize_front(mesh, sweep.camera, sweep.camera.shape_rc, 1.0)
     col, row = np.clip(np.rint(photo_xy), 0, np.array(face.shape)[::-1] - 1).astype(int).T
-    page_xy = interpolated(face, weights, fine.faces, fine.page_xy)[row, col]
+    page_xy = interpolate_to_pixels(face, weights, mesh.faces, mesh.page_xy)[row, col]
     seen = face[row, col] >= 0
     behind = face[row, col][seen]
-    page_xy[seen] = put_right(sweep.sheet, fine, sweep.camera, behind, page_xy[seen], photo_xy[seen])
+    page_xy[seen] = refine_page_xy(sweep.sheet, mesh, sweep.camera, behind, page_xy[seen], photo_xy[seen])
     points = np.full((len(page_xy), 3), np.nan)
     points[seen] = sweep.sheet.bend(page_xy[seen])
     return page_xy, points

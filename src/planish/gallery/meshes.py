@@ -95,16 +95,16 @@ def sheet_mesh(
     for inside in _regions(outline, holes, rng):
         keep &= inside(page_xy / size)[faces].all(axis=1) & inside(page_xy[faces].mean(axis=1) / size)
     for cut in cuts:
-        keep &= ~_crossed(page_xy[faces], np.asarray(cut, np.float64))
+        keep &= ~_cut_by(page_xy[faces], np.asarray(cut, np.float64))
     used, faces = without_small_components(faces[keep], len(page_xy))
     page_xy, lattice_rc = page_xy[used], lattice_rc[used]
 
-    place = sheet.bend(page_xy)
+    points_xyz = sheet.bend(page_xy)
     error = noise_at(lattice_rc, page_xy / size, noise_mm, noise_correlation_px, rng, 3 if layout == "delaunay" else 1)
     if layout != "delaunay":
-        ray = place - SCANNER_MM
+        ray = points_xyz - SCANNER_MM
         error = error * ray / np.linalg.norm(ray, axis=1, keepdims=True)
-    return Mesh(place + error, faces), page_xy
+    return Mesh(points_xyz + error, faces), page_xy
 
 
 def _range_layout(sheet: Sheet, points: int, rng: np.random.Generator) -> tuple[Floats, Ints, NDArray[np.int64]]:
@@ -170,11 +170,13 @@ def _regions(
     return regions
 
 
-def _crossed(corners: Floats, cut: Floats) -> Bools:
+def _cut_by(corners: Floats, cut: Floats) -> Bools:
     """Which triangles, (m, 3, 2), a segment, (2, 2), runs through."""
     along = (cut[1] - cut[0]) / np.linalg.norm(cut[1] - cut[0])
     from_start = corners - cut[0]
-    beside = from_start @ [-along[1], along[0]]
-    on = from_start @ along
-    astride = (beside.min(axis=1) <= 0) & (beside.max(axis=1) >= 0)
-    return astride & (on.max(axis=1) >= 0) & (on.min(axis=1) <= np.linalg.norm(cut[1] - cut[0]))
+    offset = from_start @ [-along[1], along[0]]
+    position_along = from_start @ along
+    straddles = (offset.min(axis=1) <= 0) & (offset.max(axis=1) >= 0)
+    return (
+        straddles & (position_along.max(axis=1) >= 0) & (position_along.min(axis=1) <= np.linalg.norm(cut[1] - cut[0]))
+    )

@@ -8,8 +8,16 @@ from numpy.typing import NDArray
 
 from planish.dpi import mm_to_px
 from planish.gallery.light import Light, irradiance, visibility
+from planish.gallery.pixel_to_page import (
+    FineMesh,
+    front_facing,
+    interpolate_to_pixels,
+    page_per_pixel,
+    pixels_showing,
+    project,
+    refine_page_xy,
+)
 from planish.gallery.sheets import Sheet, normals
-from planish.gallery.sight import FineMesh, facing, interpolated, page_per_pixel, pixels_of, project, put_right
 from planish.mesh import rasterize
 from planish.parallel import thread_pool
 from planish.types import Bools, Camera, Floats, Ints, Page
@@ -66,12 +74,12 @@ def photograph(
     points, faces = np.concatenate([mesh.points, table_points]), np.concatenate([mesh.faces, table_faces])
     pixel_xy, depth = project(camera, points)
     face, weights = rasterize(pixel_xy, faces, camera.shape_rc, nearness=1 / depth, perspective=True)
-    front = facing(pixel_xy, mesh.faces)
-    places = interpolated(face, weights, mesh.faces, mesh.page_xy)
+    front = front_facing(pixel_xy, mesh.faces)
+    page_xy = interpolate_to_pixels(face, weights, mesh.faces, mesh.page_xy)
     upward = normals(sheet, mesh.page_xy)
-    bent = pixels_of(face, (mesh.sagitta_mm > FLAT_MM) | (_turn(upward, mesh.faces) > FLAT_RAD))
-    places[bent] = put_right(sheet, mesh, camera, face[bent], places[bent], np.stack(bent[::-1], axis=1))
-    bright = _brightness(sheet, upward, light, points, faces, face, weights, front, bent, places[bent])
+    curved = pixels_showing(face, (mesh.sagitta_mm > FLAT_MM) | (_normal_spread(upward, mesh.faces) > FLAT_RAD))
+    page_xy[curved] = refine_page_xy(sheet, mesh, camera, face[curved], page_xy[curved], np.stack(curved[::-1], axis=1))
+    bright = _brightness(sheet, upward, light, points, faces, face, weights, front, curved, page_xy[curved])
 
     slopes = page_per_pixel(pixel_xy, mesh.page_xy, mesh.faces)
     print_ = np.asarray(page.pixels if page.pixels.ndim == 3 else np.repeat(page.pixels[..., None], 3, axis=2))
@@ -81,9 +89,9 @@ def photograph(
     for top in range(0, len(photo), BAND):
         bottom = min(top + BAND, len(photo))
         linear = np.zeros((bottom - top, face.shape[1], 3), np.float32)
-        scene = face, places, bright, front, slopes, print_, reflect, mm_to_px(1, page.dpi), size
+        scene = face, page_xy, bright, front, slopes, print_, reflect, mm_to_px(1, page.dpi), size
         with thread_pool() as parallel_for:
-            parallel_for(_expose, bottom - top, top, *scene, linear, block=64)
+            parallel_for(_render_rows, bottom - top, top, *scene, linear, block=64)
         levels = 255 * np.clip(linear, 0, 1) ** np.float32(1 / light.gamma)
         levels += np.float32(grain) * rng.standard_normal(levels.shape, np.float32)
         photo[top:bottom] = np.clip(np.rint(levels), 0, 255)
@@ -99,32 +107,34 @@ def _brightness(
     face: Ints,
     weights: NDArray[np.float32],
     front: Bools,
-    bent: tuple[NDArray[np.int64], NDArray[np.int64]],
-    bent_xy: Floats,
+    curved: tuple[NDArray[np.int64], NDArray[np.int64]],
+    curved_xy: Floats,
 ) -> Floats:
     """Light that falls on what each pixel shows, 1 on the brightest paper before exposure; (rows, cols).
 
     Computed at the points of the scene, and at once for each pixel of faces that are not flat: creases stay sharp.
     """
     on_sheet = len(upward)
-    towards = np.concatenate([upward, np.tile([0.0, 0.0, 1.0], (len(points) - on_sheet, 1))])
-    lit = visibility(light, points, towards, faces)
-    above = irradiance(light, points, towards, lit)
-    bright: Floats = interpolated(face, weights, faces, above[:, None])[..., 0]
+    all_normals = np.concatenate([upward, np.tile([0.0, 0.0, 1.0], (len(points) - on_sheet, 1))])
+    lit = visibility(light, points, all_normals, faces)
+    above = irradiance(light, points, all_normals, lit)
+    bright: Floats = interpolate_to_pixels(face, weights, faces, above[:, None])[..., 0]
     back = np.append(~front, np.zeros(len(faces) - len(front) + 1, bool))[face]  # the last stands for no face
     below = irradiance(light, points[:on_sheet], -upward, lit[:on_sheet])
     rows, cols = np.nonzero(back)
-    bright[rows, cols] = interpolated(
+    bright[rows, cols] = interpolate_to_pixels(
         face[rows, cols][None], weights[rows, cols][None], faces[: len(front)], below[:, None]
     )[0, :, 0]
 
-    share = interpolated(face[bent][None], weights[bent][None], faces[: len(front)], lit[:on_sheet, None])[0, :, 0]
-    side = np.where(back[bent], -1.0, 1.0)[:, None]
-    bright[bent] = irradiance(light, sheet.bend(bent_xy), side * normals(sheet, bent_xy), share)
+    share = interpolate_to_pixels(face[curved][None], weights[curved][None], faces[: len(front)], lit[:on_sheet, None])[
+        0, :, 0
+    ]
+    side = np.where(back[curved], -1.0, 1.0)[:, None]
+    bright[curved] = irradiance(light, sheet.bend(curved_xy), side * normals(sheet, curved_xy), share)
     return bright * (light.exposure / above[:on_sheet].max())
 
 
-def _turn(upward: Floats, faces: Ints) -> Floats:
+def _normal_spread(upward: Floats, faces: Ints) -> Floats:
     """Greatest angle between the normals at the corners of each face [rad]."""
     corners = upward[faces]
     cosines = np.einsum("mkd,mkd->mk", corners, np.roll(corners, 1, axis=1)).min(axis=1)
@@ -136,12 +146,12 @@ def _table(camera: Camera, first: int) -> tuple[Floats, Ints]:
     """Lay a grid over the part of the table that the camera sees; its faces count points from `first`."""
     rows, cols = camera.shape_rc
     reach = 0.1 * max(rows, cols) if np.any(camera.distortion) else 1.0  # a lens sees farther than its pinhole
-    low, right, foot = -reach, cols - 1 + reach, rows - 1 + reach
-    corners = np.array([[low, low, 1], [right, low, 1], [low, foot, 1], [right, foot, 1]], float)
+    low, right, bottom = -reach, cols - 1 + reach, rows - 1 + reach
+    corners = np.array([[low, low, 1], [right, low, 1], [low, bottom, 1], [right, bottom, 1]], float)
     rays = corners @ np.linalg.inv(camera.matrix).T @ camera.rotation
     eye = -camera.rotation.T @ camera.translation
-    spots = (eye - (eye[2] + TABLE_DEPTH_MM) / rays[:, 2:] * rays)[:, :2]
-    low, high = spots.min(axis=0), spots.max(axis=0)
+    table_xy = (eye - (eye[2] + TABLE_DEPTH_MM) / rays[:, 2:] * rays)[:, :2]
+    low, high = table_xy.min(axis=0), table_xy.max(axis=0)
     x, y = (np.linspace(a, b, 2 + int((b - a) / TABLE_CELL_MM)) for a, b in zip(low, high, strict=True))
     grid = np.stack(np.meshgrid(x, y, [-TABLE_DEPTH_MM]), axis=-1).reshape(-1, 3)
     index = first + np.arange(len(grid), dtype=np.int32).reshape(len(y), len(x))
@@ -150,7 +160,7 @@ def _table(camera: Camera, first: int) -> tuple[Floats, Ints]:
 
 
 @njit(cache=True, nogil=True)
-def _expose(begin, end, top, face, places, bright, front, slopes, print_, reflect, density, size, linear):  # type: ignore[no-untyped-def]
+def _render_rows(begin, end, top, face, page_xy, bright, front, slopes, print_, reflect, density, size, linear):  # type: ignore[no-untyped-def]
     """Fill in the linear light (rows, cols, 3) that the photo receives from its row `top` on."""
     cols = face.shape[1]
     for r in range(top + begin, top + end):
@@ -161,8 +171,8 @@ def _expose(begin, end, top, face, places, bright, front, slopes, print_, reflec
             f, dr, dq = _printed_side(r, q, face, front)
             if f >= 0:
                 j = slopes[f]
-                x = places[r + dr, q + dq, 0] - j[0, 0] * dq - j[0, 1] * dr
-                y = places[r + dr, q + dq, 1] - j[1, 0] * dq - j[1, 1] * dr
+                x = page_xy[r + dr, q + dq, 0] - j[0, 0] * dq - j[0, 1] * dr
+                y = page_xy[r + dr, q + dq, 1] - j[1, 0] * dq - j[1, 1] * dr
                 _area_sample(x, y, j, print_, reflect, density, size, sample)
             elif face[r, q] < len(front):
                 sample[:] = PAPER  # the back of the sheet is blank

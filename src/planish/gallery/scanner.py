@@ -13,8 +13,15 @@ from planish.errors import UsageError
 from planish.gallery.light import Light
 from planish.gallery.noise import Noise, noise_at
 from planish.gallery.photograph import photograph
+from planish.gallery.pixel_to_page import (
+    FineMesh,
+    fine_mesh,
+    interpolate_to_pixels,
+    project,
+    rasterize_front,
+    refine_page_xy,
+)
 from planish.gallery.sheets import Sheet
-from planish.gallery.sight import FineMesh, covered, fine_mesh, interpolated, project, put_right
 from planish.gallery.typeset import typeset_sheet
 from planish.mesh import grid_faces, without_small_components
 from planish.types import Camera, Floats, Ints, Mesh, Page, Scan
@@ -166,14 +173,14 @@ def _range_image(
 ) -> tuple[Floats, Ints, Floats]:
     """Measure the sheet through the camera: points, faces, and the points' true places on the page."""
     coarse = 400 / max(camera.shape_rc)
-    share = (covered(fine, camera, _zoomed(camera, coarse), coarse)[0] >= 0).sum() / coarse**2
+    share = (rasterize_front(fine, camera, _zoomed(camera, coarse), coarse)[0] >= 0).sum() / coarse**2
     if share == 0:
         raise UsageError(f"the camera sees nothing of the printed side of the sheet {sheet.name!r}; tilt it less")
     zoom = float(np.sqrt(points / share))
-    face, weights = covered(fine, camera, _zoomed(camera, zoom), zoom)
+    face, weights = rasterize_front(fine, camera, _zoomed(camera, zoom), zoom)
     seen = np.nonzero(face >= 0)
-    page_xy = interpolated(face, weights, fine.faces, fine.page_xy)[seen]
-    page_xy = put_right(sheet, fine, camera, face[seen], page_xy, np.stack(seen[::-1], axis=1), zoom)
+    page_xy = interpolate_to_pixels(face, weights, fine.faces, fine.page_xy)[seen]
+    page_xy = refine_page_xy(sheet, fine, camera, face[seen], page_xy, np.stack(seen[::-1], axis=1), zoom)
     index = np.full(face.shape, -1, np.int32)
     index[seen] = np.arange(len(page_xy))
 

@@ -75,7 +75,7 @@ def book(
     width_mm: float = LETTER_MM[0], height_mm: float = LETTER_MM[1], spine_deg: float = 65.0, dip_deg: float = 21.0
 ) -> Sheet:
     """Make the right page of a thick bound book: it rises at `spine_deg` from the spine, then falls by `dip_deg`."""
-    return _cylinder("book", width_mm, height_mm, lambda s: _leaf(s, spine_deg, dip_deg, width_mm))
+    return _cylinder("book", width_mm, height_mm, lambda s: _book_slope(s, spine_deg, dip_deg, width_mm))
 
 
 def spread(
@@ -85,7 +85,7 @@ def spread(
     middle = width_mm / 2
 
     def angle(s: Floats) -> Floats:
-        return np.sign(s - middle) * _leaf(np.abs(s - middle), spine_deg / 2, dip_deg, middle)
+        return np.sign(s - middle) * _book_slope(np.abs(s - middle), spine_deg / 2, dip_deg, middle)
 
     return _cylinder("spread", width_mm, height_mm, angle, creases=(middle,))
 
@@ -212,27 +212,29 @@ def crumpled(
     """
     rng = np.random.default_rng(seed)
     base = wave(width_mm, height_mm, steepness_deg=12.0, waves=1.3, direction_deg=float(rng.uniform(0, 180)))
-    spots = np.stack(np.meshgrid(np.linspace(0, width_mm, 90), np.linspace(0, height_mm, 120)), axis=-1).reshape(-1, 2)
-    places, upward = base.bend(spots), normals(base, spots)
+    grid_xy = np.stack(np.meshgrid(np.linspace(0, width_mm, 90), np.linspace(0, height_mm, 120)), axis=-1).reshape(
+        -1, 2
+    )
+    positions, upward = base.bend(grid_xy), normals(base, grid_xy)
     planes: list[tuple[Floats, Floats]] = []
     for _ in range(50 * folds):
         tilt, azimuth = np.radians(tilt_deg) * np.sqrt(rng.uniform(0.2, 1)), rng.uniform(0, 2 * np.pi)
         normal = np.array([np.sin(tilt) * np.cos(azimuth), np.sin(tilt) * np.sin(azimuth), np.cos(tilt)])
         normal *= (-1) ** len(planes)  # in turn a ridge and a valley
-        place = places[rng.integers(len(places))]
-        beyond = (places - place) @ normal > 0
+        point = positions[rng.integers(len(positions))]
+        beyond = (positions - point) @ normal > 0
         mirrored = np.where(beyond[:, None], 2 * np.outer(upward @ normal, normal) - upward, upward)
         if mirrored[:, 2].min() < np.cos(np.radians(steepest_deg)):
             continue
-        places, upward = _mirror(places, normal, place), mirrored
-        planes.append((normal, place))
+        positions, upward = _mirror(positions, normal, point), mirrored
+        planes.append((normal, point))
         if len(planes) == folds:
             break
 
     def bend(xy: Floats) -> Floats:
         points = base.bend(xy)
-        for normal, place in planes:
-            points = _mirror(points, normal, place)
+        for normal, point in planes:
+            points = _mirror(points, normal, point)
         return points
 
     return _on_table("crumpled", width_mm, height_mm, bend)
@@ -263,7 +265,7 @@ MAKERS: dict[str, Callable[..., Sheet]] = {
 SHEETS = tuple(MAKERS)
 
 
-def _leaf(distance: Floats, spine_deg: float, dip_deg: float, width_mm: float) -> Floats:
+def _book_slope(distance: Floats, spine_deg: float, dip_deg: float, width_mm: float) -> Floats:
     """Slope of a book's leaf at a distance from the spine."""
     rise = np.exp(-distance / RISE_MM)
     dip = np.exp(-(((distance / width_mm - 0.55) / 0.23) ** 2)) - np.exp(-((0.55 / 0.23) ** 2))  # none at the spine
@@ -292,15 +294,15 @@ def _cylinder(
 
     def bend(xy: Floats) -> Floats:
         along, beside = xy @ [cos, sin] - least, xy @ [-sin, cos]
-        place = curve(along)
-        return np.stack([place[:, 0] * cos - beside * sin, -place[:, 0] * sin - beside * cos, place[:, 1]], axis=1)
+        point = curve(along)
+        return np.stack([point[:, 0] * cos - beside * sin, -point[:, 0] * sin - beside * cos, point[:, 1]], axis=1)
 
     return _on_table(name, width_mm, height_mm, bend)
 
 
-def _mirror(points: Floats, normal: Floats, place: Floats) -> Floats:
-    """Mirror the points that lie beyond the plane through `place`."""
-    beyond = np.clip((points - place) @ normal, 0, None)
+def _mirror(points: Floats, normal: Floats, point: Floats) -> Floats:
+    """Mirror the points that lie beyond the plane through `point`."""
+    beyond = np.clip((points - point) @ normal, 0, None)
     return points - 2 * beyond[:, None] * normal
 
 
@@ -312,20 +314,20 @@ def _triangle_wave(t: Floats) -> Floats:
 def _on_table(name: str, width_mm: float, height_mm: float, bend: Callable[[Floats], Floats]) -> Sheet:
     """Move a bent sheet over the origin, its lowest point on z = 0."""
     size = np.array([width_mm, height_mm])
-    spots = np.stack(np.meshgrid(*(np.linspace(0, n, 1 + int(n / 2)) for n in size)), axis=-1).reshape(-1, 2)
-    points = bend(spots)
+    grid_xy = np.stack(np.meshgrid(*(np.linspace(0, n, 1 + int(n / 2)) for n in size)), axis=-1).reshape(-1, 2)
+    points = bend(grid_xy)
     low, high = points.min(axis=0), points.max(axis=0)
-    shift = -np.array([*(low[:2] + high[:2]) / 2, _lowest(bend, spots[points[:, 2].argsort()[:40]], size)])
+    shift = -np.array([*(low[:2] + high[:2]) / 2, _lowest(bend, grid_xy[points[:, 2].argsort()[:40]], size)])
     return Sheet(name, width_mm, height_mm, lambda xy: bend(np.asarray(xy, np.float64)) + shift)
 
 
-def _lowest(bend: Callable[[Floats], Floats], spots: Floats, size: Floats) -> float:
+def _lowest(bend: Callable[[Floats], Floats], grid_xy: Floats, size: Floats) -> float:
     """Find the lowest height near the lowest few spots of a 2 mm lattice, to a micrometre."""
     steps = np.stack(np.meshgrid(np.linspace(-1, 1, 9), np.linspace(-1, 1, 9)), axis=-1).reshape(1, -1, 2)
     reach = 2.0
     while reach > 1e-4:
-        around = np.clip((spots[:, None] + reach * steps).reshape(-1, 2), 0, size)
+        around = np.clip((grid_xy[:, None] + reach * steps).reshape(-1, 2), 0, size)
         heights = bend(around)[:, 2]
-        spots = around[heights.argsort()[:40]]
+        grid_xy = around[heights.argsort()[:40]]
         reach /= 3
     return float(heights.min())

@@ -103,23 +103,23 @@ def typeset_page(
     size = point_size / 72 * dpi
     font = _font(size)
 
-    said = [_running_head(image, font, page_number, left, right, head)]
+    texts = [_running_head(image, font, page_number, left, right, head)]
     first = _heading(title, 1.7 * size) if title else []
     if picture:
         first += _figure(
             Image.fromarray(hills(round(right - left), round(0.42 * (bottom - top)))), prose.PICTURE_CAPTION, font
         )
     top += sum(row.height for row in first)
-    said += _pour(image, first, [(left, top - sum(row.height for row in first), bottom)])
+    texts += _fill_columns(image, first, [(left, top - sum(row.height for row in first), bottom)])
     if stamp:
         bottom = _stamp(image, size, right, bottom)
 
     gap = 2 * size if columns > 1 else 0.0
     width = (right - left - gap * (columns - 1)) / columns
     rows = [row for block in _blocks(story, width, font, table, drawing) for row in block]
-    said += _pour(image, rows, [(left + k * (width + gap), top, bottom) for k in range(columns)])
+    texts += _fill_columns(image, rows, [(left + k * (width + gap), top, bottom) for k in range(columns)])
     pixels = np.asarray(image)
-    return Page(pixels, np.ones(pixels.shape[:2], bool), dpi), "\n".join(said)
+    return Page(pixels, np.ones(pixels.shape[:2], bool), dpi), "\n".join(texts)
 
 
 def typeset_sheet(sheet: Sheet, dpi: float = 300.0) -> tuple[Page, str]:
@@ -150,22 +150,22 @@ def _blocks(story: Sequence[str], width: float, font: Font, table: bool, drawing
         yield _heading(part[2:], 1.15 * font.size) if part.startswith("# ") else _paragraph(part, width, font)
 
 
-def _pour(image: Image.Image, rows: Sequence[_Row], columns: Sequence[tuple[float, float, float]]) -> list[str]:
+def _fill_columns(image: Image.Image, rows: Sequence[_Row], columns: Sequence[tuple[float, float, float]]) -> list[str]:
     """Fill columns (left, top, bottom) with rows until either runs out; returns the text that found room."""
-    said: list[str] = []
-    places = iter(columns)
-    left, y, bottom = next(places)
+    texts: list[str] = []
+    positions = iter(columns)
+    left, y, bottom = next(positions)
     for row in rows:
         while y + row.height + row.with_next > bottom + 0.5:
-            place = next(places, None)
+            place = next(positions, None)
             if place is None:
-                return said
+                return texts
             left, y, bottom = place
         row.paint(image, left, y)
         y += row.height
         if row.text:
-            said.append(row.text)
-    return said
+            texts.append(row.text)
+    return texts
 
 
 def _font(size: float) -> Font:
@@ -178,11 +178,11 @@ def _font(size: float) -> Font:
 def _running_head(image: Image.Image, font: Font, page_number: int, left: float, right: float, base: float) -> str:
     """Title of the book and number of the page over a fine rule; returns what it says."""
     number = str(page_number)
-    said = [prose.HEAD, number] if page_number % 2 else [number, prose.HEAD]
-    _write(said[0], font, 0, 0)(image, left, base)
-    _write(said[1], font, -font.getlength(said[1]), 0)(image, right, base)
+    texts = [prose.HEAD, number] if page_number % 2 else [number, prose.HEAD]
+    _write(texts[0], font, 0, 0)(image, left, base)
+    _write(texts[1], font, -font.getlength(texts[1]), 0)(image, right, base)
     _rule(image, left, right, base + 0.5 * font.size, font.size / 24)
-    return " ".join(said)
+    return " ".join(texts)
 
 
 def _heading(text: str, size: float) -> list[_Row]:
@@ -203,9 +203,9 @@ def _paragraph(text: str, width: float, font: Font) -> list[_Row]:
         gaps = last - first - 1
         stretched = gaps and last < len(words)
         step = (width - x - widths[first:last].sum()) / gaps if stretched else space
-        places = x + np.concatenate([[0], np.cumsum(widths[first:last] + step)[:-1]])
-        pieces = [_write(word, font, at, font.size) for word, at in zip(words[first:last], places, strict=True)]
-        rows.append(_Row(LEADING * font.size, _all(pieces), " ".join(words[first:last])))
+        positions = x + np.concatenate([[0], np.cumsum(widths[first:last] + step)[:-1]])
+        painters = [_write(word, font, at, font.size) for word, at in zip(words[first:last], positions, strict=True)]
+        rows.append(_Row(LEADING * font.size, _all(painters), " ".join(words[first:last])))
     return rows
 
 
@@ -234,14 +234,14 @@ def _table(lines: Sequence[Sequence[str]], width: float, font: Font) -> list[_Ro
     """Set a table between rules: the first column runs from the left, the others end at the right."""
     pitch = 1.35 * font.size
     ends = np.linspace(0.5, 1, len(lines[0]))[1:] * width
-    pieces: list[Painter] = [partial(_rule_row, width=width, y=0.6 * pitch, thickness=font.size / 12)]
+    painters: list[Painter] = [partial(_rule_row, width=width, y=0.6 * pitch, thickness=font.size / 12)]
     for k, line in enumerate(lines):
         base = (1.6 + k + 0.25 * (k > 0)) * pitch
-        pieces.append(_write(line[0], font, 0, base))
-        pieces += [_write(cell, font, x - font.getlength(cell), base) for cell, x in zip(line[1:], ends, strict=True)]
-    pieces.append(partial(_rule_row, width=width, y=1.95 * pitch, thickness=font.size / 24))
-    pieces.append(partial(_rule_row, width=width, y=(len(lines) + 1.25) * pitch, thickness=font.size / 12))
-    return [_Row((len(lines) + 2.2) * pitch, _all(pieces), "\n".join(" ".join(line) for line in lines))]
+        painters.append(_write(line[0], font, 0, base))
+        painters += [_write(cell, font, x - font.getlength(cell), base) for cell, x in zip(line[1:], ends, strict=True)]
+    painters.append(partial(_rule_row, width=width, y=1.95 * pitch, thickness=font.size / 24))
+    painters.append(partial(_rule_row, width=width, y=(len(lines) + 1.25) * pitch, thickness=font.size / 12))
+    return [_Row((len(lines) + 2.2) * pitch, _all(painters), "\n".join(" ".join(line) for line in lines))]
 
 
 def _figure(art: Image.Image, caption: str, font: Font) -> list[_Row]:
@@ -283,11 +283,11 @@ def _rule(image: Image.Image, left: float, right: float, y: float, thickness: fl
     ImageDraw.Draw(image).rectangle((round(left), round(y), round(right), lowest), fill="black")
 
 
-def _all(pieces: Sequence[Painter]) -> Painter:
+def _all(painters: Sequence[Painter]) -> Painter:
     """Paint several things in one row."""
 
     def paint(image: Image.Image, left: float, top: float) -> None:
-        for piece in pieces:
+        for piece in painters:
             piece(image, left, top)
 
     return paint

@@ -99,13 +99,13 @@ def _boards(folder: Path, small: bool, phase_steps: int) -> None:
     from planish.acquire.calibration.boards import Board, board_pixels
     from planish.acquire.structured_light.phase import all_patterns
     from planish.gallery import sheet
-    from planish.gallery.devices import SMALL_RIG, board_poses, posed, projector_rig, structured_light
+    from planish.gallery.devices import SMALL_RIG, board_poses, posed_board, projector_rig, structured_light
 
     camera, projector = projector_rig(sheet("book"), *SMALL_RIG) if small else projector_rig(sheet("book"))
     pixels = board_pixels(Board(9, 7, BOARD_MM), 90)
     whites = []
     for k, (turn, middle) in enumerate(board_poses(8)):
-        board, page = posed(pixels, 90, BOARD_MM, turn, middle)
+        board, page = posed_board(pixels, 90, BOARD_MM, turn, middle)
         capture = structured_light(board, camera, projector, all_patterns(projector.shape_rc, phase_steps), page)
         write_images(folder / f"pose_{k}", list(capture.frames))
         whites.append(capture.frames[-2])

@@ -29,9 +29,11 @@ def grid(folder: Path, sheet: Sheet, small: bool) -> Page:
 def points(folder: Path, sheet: Sheet, small: bool) -> Page:
     """Write points.ply, a photogrammetry cloud, and a photo with its camera."""
     from planish.cli.acquire.virtual_files import write_camera, write_images
-    from planish.gallery.clouds import photo_points
+    from planish.gallery.clouds import photogrammetry_cloud
 
-    capture = photo_points(sheet, points=75_000, photo_px=(2000, 1500)) if small else photo_points(sheet)
+    capture = (
+        photogrammetry_cloud(sheet, points=75_000, photo_px=(2000, 1500)) if small else photogrammetry_cloud(sheet)
+    )
     assert capture.photo is not None
     _write_points(folder / "points.ply", capture.points, capture.colours, ["units: mm"], capture.normals)
     write_images(folder, [capture.photo], "photo.png")

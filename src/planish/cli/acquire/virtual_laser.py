@@ -25,13 +25,13 @@ def laser(folder: Path, sheet: Sheet, small: bool) -> Page:
     import numpy as np
 
     from planish.gallery.devices import board_poses
-    from planish.gallery.laser import MIRROR_MM, lit_sheet, plane_through, turned_deg, virtual_sweep
+    from planish.gallery.laser import MIRROR_MM, laser_on_sheet, mirror_angle_deg, plane_through, virtual_sweep
 
     count, photo_px, line_mm = (48, (640, 480), 0.8) if small else (200, (2000, 1500), 0.35)
     capture = virtual_sweep(sheet, frames=count, photo_px=photo_px, line_mm=line_mm)
     write_images(folder / "frames", (capture.frame(k) for k in range(count)))
     write_images(folder, [capture.photo], "off.png")
-    _write_angles(folder / "frames.csv", turned_deg(capture.planes[:, 0]))
+    _write_angles(folder / "frames.csv", mirror_angle_deg(capture.planes[:, 0]))
     feet = np.repeat(FEET_MM, 2)
     boards = []
     for foot, (turn, middle) in zip(feet, board_poses(len(feet)), strict=True):
@@ -41,10 +41,10 @@ def laser(folder: Path, sheet: Sheet, small: bool) -> Page:
         middle[0] = np.clip(light, -ASIDE_MM, ASIDE_MM)
         board, print_ = _board((turn, middle))
         plane = plane_through(MIRROR_MM, (foot, 0.0, 0.0))[None, None]
-        boards.append(lit_sheet(board, plane, printed=(print_, ""), camera=capture.camera, line_mm=line_mm))
+        boards.append(laser_on_sheet(board, plane, printed=(print_, ""), camera=capture.camera, line_mm=line_mm))
     write_images(folder / "camera", (board.photo for board in boards))
     write_images(folder / "boards", (board.frame(0) for board in boards))
-    _write_angles(folder / "boards.csv", turned_deg(np.concatenate([board.planes[:, 0] for board in boards])))
+    _write_angles(folder / "boards.csv", mirror_angle_deg(np.concatenate([board.planes[:, 0] for board in boards])))
     write_camera(folder / "camera.json", capture.camera)
     return capture.page
 
@@ -68,9 +68,9 @@ def laser_lines(folder: Path, sheet: Sheet, small: bool) -> Page:
 def _board(pose: tuple[Floats, Floats]) -> tuple[Sheet, Page]:
     """A rigid board of 7 x 9 squares in a pose."""
     from planish.acquire.calibration.boards import Board, board_pixels
-    from planish.gallery.devices import posed
+    from planish.gallery.devices import posed_board
 
-    return posed(board_pixels(Board(7, 9, BOARD_MM), 90), 90, BOARD_MM, *pose)
+    return posed_board(board_pixels(Board(7, 9, BOARD_MM), 90), 90, BOARD_MM, *pose)
 
 
 def _write_angles(path: Path, angles_deg: Floats) -> None:

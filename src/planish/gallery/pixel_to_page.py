@@ -56,11 +56,11 @@ def fine_mesh(sheet: Sheet, cell_mm: float) -> FineMesh:
     corner = half[::2, ::2]
     across = np.linalg.norm(half[::2, 1::2] - (corner[:, :-1] + corner[:, 1:]) / 2, axis=-1)
     down = np.linalg.norm(half[1::2, ::2] - (corner[:-1] + corner[1:]) / 2, axis=-1)
-    slant = np.linalg.norm(half[1::2, 1::2] - (corner[:-1, 1:] + corner[1:, :-1]) / 2, axis=-1)
+    diagonal = np.linalg.norm(half[1::2, 1::2] - (corner[:-1, 1:] + corner[1:, :-1]) / 2, axis=-1)
     index = np.arange(rows * cols, dtype=np.int32).reshape(rows, cols)
     a, b, c, d = (k.ravel() for k in (index[:-1, :-1], index[:-1, 1:], index[1:, :-1], index[1:, 1:]))
-    upper = np.maximum(np.maximum(across[:-1], down[:, :-1]), slant).ravel()
-    lower = np.maximum(np.maximum(across[1:], down[:, 1:]), slant).ravel()
+    upper = np.maximum(np.maximum(across[:-1], down[:, :-1]), diagonal).ravel()
+    lower = np.maximum(np.maximum(across[1:], down[:, 1:]), diagonal).ravel()
     return FineMesh(
         half_xy[::2, ::2].reshape(-1, 2),
         corner.reshape(-1, 3),
@@ -91,15 +91,17 @@ def project(camera: Camera, points: Floats, zoom: float = 1.0) -> tuple[Floats, 
     return at_pixels(replace(camera, matrix=lens), points), depths(camera, points)
 
 
-def covered(mesh: FineMesh, camera: Camera, shape_rc: tuple[int, int], zoom: float) -> tuple[Ints, NDArray[np.float32]]:
+def rasterize_front(
+    mesh: FineMesh, camera: Camera, shape_rc: tuple[int, int], zoom: float
+) -> tuple[Ints, NDArray[np.float32]]:
     """Draw the printed side: face and weights of each pixel as from `rasterize`; -1 also where the back is seen."""
     pixel_xy, depth = project(camera, mesh.points, zoom)
     face, weights = rasterize(pixel_xy, mesh.faces, shape_rc, nearness=1 / depth, perspective=True)
-    front = np.append(facing(pixel_xy, mesh.faces), False)  # the last stands for no face
+    front = np.append(front_facing(pixel_xy, mesh.faces), False)  # the last stands for no face
     return np.where(front[face], face, np.int32(-1)), weights
 
 
-def facing(pixel_xy: Floats, faces: Ints) -> Bools:
+def front_facing(pixel_xy: Floats, faces: Ints) -> Bools:
     """Which faces show the camera their printed side."""
     a, b, c = (pixel_xy[faces[:, k]] for k in range(3))
     u, v = b - a, c - a
@@ -107,14 +109,14 @@ def facing(pixel_xy: Floats, faces: Ints) -> Bools:
     return front
 
 
-def pixels_of(face: Ints, which: Bools) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def pixels_showing(face: Ints, which: Bools) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Rows and columns of the pixels that show one of the faces `which` (m,); later faces belong to something else."""
     chosen = np.append(which, False)  # the last stands for no face and for later ones
     rows, cols = np.nonzero(chosen[np.where(face < len(which), face, -1)])
     return rows, cols
 
 
-def put_right(
+def refine_page_xy(
     sheet: Sheet, mesh: FineMesh, camera: Camera, face: Ints, page_xy: Floats, target_xy: Floats, zoom: float = 1.0
 ) -> Floats:
     """Move places that were read off flat faces to where the bent sheet itself falls on the pixels.
@@ -140,16 +142,16 @@ def put_right(
     slope = page_per_pixel(project(camera, mesh.points, zoom)[0], mesh.page_xy, mesh.faces[which])[position]
     size = np.array([sheet.width_mm, sheet.height_mm])
     u, best, least = page_xy, page_xy.copy(), np.full(len(page_xy), np.inf)
-    still = np.arange(len(page_xy))
+    active = np.arange(len(page_xy))
     for _ in range(NEWTON_STEPS):
-        miss = target_xy[still] - project(camera, sheet.bend(u), zoom)[0]
-        distance = np.hypot(*miss.T)
-        better = distance < least[still]
-        best[still[better]], least[still[better]] = u[better], distance[better]
-        going = distance > CLOSE_PX
-        still = still[going]
-        step = np.einsum("kij,kj->ki", slope[still], miss[going])
-        u = np.clip(best[still] + np.clip(step, -mesh.cell_mm, mesh.cell_mm), 0, size)
+        residual = target_xy[active] - project(camera, sheet.bend(u), zoom)[0]
+        distance = np.hypot(*residual.T)
+        better = distance < least[active]
+        best[active[better]], least[active[better]] = u[better], distance[better]
+        unconverged = distance > CLOSE_PX
+        active = active[unconverged]
+        step = np.einsum("kij,kj->ki", slope[active], residual[unconverged])
+        u = np.clip(best[active] + np.clip(step, -mesh.cell_mm, mesh.cell_mm), 0, size)
     return best
 
 
@@ -160,12 +162,12 @@ def page_per_pixel(pixel_xy: Floats, page_xy: Floats, faces: Ints) -> Floats:
     page = np.stack([page_xy[b] - page_xy[a], page_xy[c] - page_xy[a]], axis=2)
     area = pixel[:, 0, 0] * pixel[:, 1, 1] - pixel[:, 0, 1] * pixel[:, 1, 0]
     adjugate = np.stack([pixel[:, 1, 1], -pixel[:, 0, 1], -pixel[:, 1, 0], pixel[:, 0, 0]], axis=1).reshape(-1, 2, 2)
-    safe = np.where(np.abs(area) > 1e-9, area, np.inf)
-    slope: Floats = page @ adjugate / safe[:, None, None]
+    nonzero_area = np.where(np.abs(area) > 1e-9, area, np.inf)
+    slope: Floats = page @ adjugate / nonzero_area[:, None, None]
     return slope
 
 
-def interpolated(face: Ints, weights: NDArray[np.float32], faces: Ints, values: Floats) -> Floats:
+def interpolate_to_pixels(face: Ints, weights: NDArray[np.float32], faces: Ints, values: Floats) -> Floats:
     """Carry values (n, d) at the points of a mesh to pixels: (rows, cols, d), NaN where none of `faces` is seen."""
     result = np.full((*face.shape, values.shape[1]), np.nan)
     with thread_pool() as parallel_for:

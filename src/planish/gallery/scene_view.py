@@ -10,8 +10,16 @@ from scipy import ndimage
 
 from planish.dpi import mm_to_px
 from planish.gallery.photograph import INK, PAPER, TABLE
+from planish.gallery.pixel_to_page import (
+    FineMesh,
+    fine_mesh,
+    front_facing,
+    interpolate_to_pixels,
+    pixels_showing,
+    project,
+    refine_page_xy,
+)
 from planish.gallery.sheets import Sheet, normals
-from planish.gallery.sight import FineMesh, facing, fine_mesh, interpolated, pixels_of, project, put_right
 from planish.geometry import depths
 from planish.geometry.guards import normalize
 from planish.mesh import rasterize
@@ -33,7 +41,7 @@ SHADOW_MM = 0.4
 
 
 @dataclass(frozen=True, eq=False)
-class View:
+class SceneView:
     """What the pixels of a device see.
 
     Attributes
@@ -51,7 +59,7 @@ class View:
     page_xy: Floats
 
 
-def device(
+def aim_camera(
     eye: tuple[float, float, float],
     target: tuple[float, float, float],
     view_mm: float,
@@ -64,7 +72,7 @@ def device(
 
     Examples
     --------
-    >>> camera = device((0, 0, 600), (0, 0, 0), 300, (480, 640))
+    >>> camera = aim_camera((0, 0, 600), (0, 0, 0), 300, (480, 640))
     >>> camera.matrix[0].tolist(), camera.rotation.round(9).tolist()
     ([1280.0, 0.0, 319.5], [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]])
     """
@@ -80,7 +88,7 @@ def device(
     return Camera(matrix, rotation, -rotation @ np.asarray(eye, float), shape_rc, np.asarray(distortion, float))
 
 
-def zoomed(camera: Camera, zoom: int) -> Camera:
+def supersampled_camera(camera: Camera, zoom: int) -> Camera:
     """The same view in finer pixels: each is cut into zoom x zoom."""
     matrix = camera.matrix.copy()
     matrix[:2] *= zoom
@@ -89,28 +97,28 @@ def zoomed(camera: Camera, zoom: int) -> Camera:
     return replace(camera, matrix=matrix, shape_rc=(rows * zoom, cols * zoom))
 
 
-def view(sheet: Sheet, camera: Camera) -> View:
+def render_view(sheet: Sheet, camera: Camera) -> SceneView:
     """Find what every pixel of a camera sees; on the sheet to a thousandth of a pixel, lens distortion and all."""
     mesh, points, faces = _scene(sheet)
     pixel_xy, depth = project(camera, points)
     face, weights = rasterize(pixel_xy, faces, camera.shape_rc, nearness=1 / depth, perspective=True)
-    front = facing(pixel_xy, mesh.faces)
-    places = interpolated(face, weights, mesh.faces, mesh.page_xy)
-    bent = pixels_of(face, mesh.sagitta_mm > FLAT_MM)
-    places[bent] = put_right(sheet, mesh, camera, face[bent], places[bent], np.stack(bent[::-1], axis=1))
-    seen = interpolated(face, weights, faces, points)
-    seen[bent] = sheet.bend(places[bent])
-    upward = np.zeros_like(seen)
-    upward[..., 2] = 1.0
-    on_sheet = np.isfinite(places[..., 0])
-    upward[on_sheet] = interpolated(face, weights, mesh.faces, normals(sheet, mesh.page_xy))[on_sheet]
+    front = front_facing(pixel_xy, mesh.faces)
+    page_xy = interpolate_to_pixels(face, weights, mesh.faces, mesh.page_xy)
+    curved = pixels_showing(face, mesh.sagitta_mm > FLAT_MM)
+    page_xy[curved] = refine_page_xy(sheet, mesh, camera, face[curved], page_xy[curved], np.stack(curved[::-1], axis=1))
+    seen = interpolate_to_pixels(face, weights, faces, points)
+    seen[curved] = sheet.bend(page_xy[curved])
+    normal_map = np.zeros_like(seen)
+    normal_map[..., 2] = 1.0
+    on_sheet = np.isfinite(page_xy[..., 0])
+    normal_map[on_sheet] = interpolate_to_pixels(face, weights, mesh.faces, normals(sheet, mesh.page_xy))[on_sheet]
     back = on_sheet & ~np.append(front, True)[np.where(face < len(front), face, -1)]
-    upward[back] *= -1
-    places[back] = np.nan
-    return View(seen, upward, places)
+    normal_map[back] *= -1
+    page_xy[back] = np.nan
+    return SceneView(seen, normal_map, page_xy)
 
 
-def lit(sheet: Sheet, lamp: Camera, points: Floats, lamp_xy: NDArray[np.float32]) -> Bools:
+def lit_mask(sheet: Sheet, lamp: Camera, points: Floats, lamp_xy: NDArray[np.float32]) -> Bools:
     """Which points of a scene a projector's light reaches: not those in the shadow of the sheet.
 
     Parameters
@@ -128,30 +136,38 @@ def lit(sheet: Sheet, lamp: Camera, points: Floats, lamp_xy: NDArray[np.float32]
     _, scene, faces = _scene(sheet)
     pixel_xy, depth = project(lamp, scene)
     face, weights = rasterize(pixel_xy, faces, lamp.shape_rc, nearness=1 / depth, perspective=True)
-    drawn = interpolated(face, weights, faces, depth[:, None])[..., 0]
-    farthest = ndimage.maximum_filter(np.nan_to_num(drawn, nan=np.inf), 3)
+    rendered_depth = interpolate_to_pixels(face, weights, faces, depth[:, None])[..., 0]
+    farthest = ndimage.maximum_filter(np.nan_to_num(rendered_depth, nan=np.inf), 3)
     flat = points.reshape(-1, 3)
     column, row = np.rint(np.nan_to_num(lamp_xy.reshape(-1, 2), nan=-1)).T
-    far = depths(lamp, flat)
-    inside = (row >= 0) & (row < len(drawn)) & (column >= 0) & (column < drawn.shape[1]) & (far > 0)
-    reached = np.zeros(len(flat), bool)
-    reached[inside] = far[inside] <= farthest[row[inside].astype(int), column[inside].astype(int)] + SHADOW_MM
-    return reached.reshape(points.shape[:-1])
+    distance_to_lamp = depths(lamp, flat)
+    inside = (
+        (row >= 0)
+        & (row < len(rendered_depth))
+        & (column >= 0)
+        & (column < rendered_depth.shape[1])
+        & (distance_to_lamp > 0)
+    )
+    visible = np.zeros(len(flat), bool)
+    visible[inside] = (
+        distance_to_lamp[inside] <= farthest[row[inside].astype(int), column[inside].astype(int)] + SHADOW_MM
+    )
+    return visible.reshape(points.shape[:-1])
 
 
-def reflectance(seen: View, page: Page, gamma: float = 2.2) -> Floats:
+def reflectance(seen: SceneView, page: Page, gamma: float = 2.2) -> Floats:
     """Part of the light that what each pixel sees sends back: (rows, cols, 3), of print, blank paper or table."""
-    print_ = page.pixels if page.pixels.ndim == 3 else np.repeat(page.pixels[..., None], 3, axis=2)
+    printed = page.pixels if page.pixels.ndim == 3 else np.repeat(page.pixels[..., None], 3, axis=2)
     known = np.isfinite(seen.page_xy[..., 0])
-    sent = np.where(np.isfinite(seen.points[..., :1]), TABLE, 0.0)
+    reflected = np.where(np.isfinite(seen.points[..., :1]), TABLE, 0.0)
     at = seen.page_xy[known][:, ::-1].T * mm_to_px(1, page.dpi) - 0.5
     for k in range(3):
-        light = (print_[..., k].astype(np.float32) / 255) ** gamma
-        sent[known, k] = PAPER[k] * (INK + (1 - INK) * ndimage.map_coordinates(light, at, order=1, mode="nearest"))
-    return np.asarray(sent)
+        light = (printed[..., k].astype(np.float32) / 255) ** gamma
+        reflected[known, k] = PAPER[k] * (INK + (1 - INK) * ndimage.map_coordinates(light, at, order=1, mode="nearest"))
+    return np.asarray(reflected)
 
 
-def binned(values: Floats, zoom: int) -> Floats:
+def bin_pixels(values: Floats, zoom: int) -> Floats:
     """Means over zoom x zoom pixels: what a coarser sensor receives."""
     rows, cols = values.shape[0] // zoom, values.shape[1] // zoom
     return np.asarray(values.reshape(rows, zoom, cols, zoom, *values.shape[2:]).mean(axis=(1, 3)))
@@ -164,5 +180,5 @@ def _scene(sheet: Sheet) -> tuple[FineMesh, Floats, Ints]:
     table = np.stack(np.meshgrid(x, x, [-TABLE_DEPTH_MM]), axis=-1).reshape(-1, 3)
     index = len(mesh.points) + np.arange(len(table), dtype=np.int32).reshape(len(x), len(x))
     a, b, c, d = (k.ravel() for k in (index[:-1, :-1], index[:-1, 1:], index[1:, :-1], index[1:, 1:]))
-    under = np.concatenate([np.stack([a, b, c], axis=1), np.stack([c, b, d], axis=1)])
-    return mesh, np.concatenate([mesh.points, table]), np.concatenate([mesh.faces, under])
+    table_faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([c, b, d], axis=1)])
+    return mesh, np.concatenate([mesh.points, table]), np.concatenate([mesh.faces, table_faces])
