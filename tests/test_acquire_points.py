@@ -105,7 +105,7 @@ def test_the_printed_side_is_the_one_that_was_seen(hint):
     outwards = outward_at(mesh) if hint != "origin" else mesh.points * [1, 0, 1] - [0, 0, 500]
     inside = hint in ("place", "normals", "origin")  # seen from below, where the origin is
     assert facing(mesh, -outwards if inside else outwards) == 1
-    assert made.warnings == ()
+    assert [warning.code for warning in made.warnings] == ["origin-as-scanner"] * (hint == "origin")
 
 
 def test_a_side_that_nothing_tells_is_taken_and_said():

@@ -30,8 +30,21 @@ def read_e57(path: Path) -> FileCloud:
         import pye57
     except ImportError:
         raise MissingExtraError(f"{path} is an E57; to read it: pip install 'planish[clouds]'") from None
+
+    class SixteenBits(pye57.E57):
+        """Reads colours of up to 16 bits; the library's own buffers hold 8."""
+
+        def make_buffer(
+            self, field_name: str, capacity: int, do_conversion: bool = True, do_scaling: bool = True
+        ) -> tuple[NDArray, Any]:
+            if not field_name.startswith("color"):
+                return super().make_buffer(field_name, capacity, do_conversion, do_scaling)
+            values = np.empty(capacity, np.uint16)
+            place = self.image_file, field_name, values, capacity
+            return values, pye57.libe57.SourceDestBuffer(*place, do_conversion, do_scaling)
+
     try:
-        with pye57.E57(str(path)) as file:
+        with SixteenBits(str(path)) as file:
             counts = [file.get_header(k).point_count for k in range(file.scan_count)]
             if not counts:
                 raise InputError(f"{path} holds no scan; is it an E57 of photos only?")

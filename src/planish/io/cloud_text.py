@@ -9,10 +9,14 @@ import numpy as np
 
 from planish.errors import InputError
 from planish.io.filecloud import FileCloud, as_colours, as_grey
+from planish.io.text import as_text
 from planish.io.units import unit_named_in
 from planish.types import Diagnostic, Floats, Pixels
 
 _SIZE = re.compile(r"\b(?:width|cols|columns)\s*[:=]?\s*(\d+)[\s,;]+(?:height|rows)\s*[:=]?\s*(\d+)", re.I)
+_DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?\Z")
+_WHOLE = re.compile(r"[-+]?\d+\Z")
+_LINES_LOOKED_AT = 200
 _HEAD_LINES = 10
 """Of a PTX: columns, rows, the scanner's place, its three axes, and a matrix of four rows."""
 
@@ -20,6 +24,7 @@ _HEAD_LINES = 10
 def read_xyz(path: Path, data: bytes) -> FileCloud:
     """Read x y z and perhaps more from each line, parted by blanks, commas, semicolons or tabs.
 
+    Where the others part them and x, y and z each have a comma, these are decimal commas.
     Three further columns, or the last three of more, are colours if they are whole numbers from 0 to 255; a single one
     is the strength of the echo. Lines that begin with # or // are comments, and so is a first line of column names;
     a comment may tell ``width 640 height 480`` and ``units: mm``.
@@ -29,7 +34,7 @@ def read_xyz(path: Path, data: bytes) -> FileCloud:
     InputError
         If a line holds something else, or the lines are not alike.
     """
-    text = data.decode("utf-8", "replace")
+    text = as_text(data)
     lines = text.splitlines()
     head = [line for line in lines[:100] if line.lstrip().startswith(("#", "//"))]
     body = [line for line in lines if line.strip() and not line.lstrip().startswith(("#", "//"))]
@@ -92,11 +97,23 @@ def _table(path: Path, lines: list[str], first_line: int = 0) -> Floats:
     """The numbers of lines that all hold as many."""
     if not lines:
         return np.zeros((0, 3))
-    plain = [line.translate({ord(","): " ", ord(";"): " ", ord("\t"): " "}) for line in lines]
+    comma = "." if _has_decimal_commas(lines) else " "
+    plain = [line.translate({ord(","): comma, ord(";"): " ", ord("\t"): " "}) for line in lines]
     try:
         return np.loadtxt(plain, np.float64, comments=None, ndmin=2)
     except ValueError:
         raise InputError(f"{path} {_odd_line(plain, first_line)}") from None
+
+
+def _has_decimal_commas(lines: list[str]) -> bool:
+    """Whether commas stand in numbers, as in 12,5: where semicolons, tabs or blanks part them and x, y, z have one."""
+    for line in lines[:: max(1, len(lines) // _LINES_LOOKED_AT)]:
+        words = [word for word in re.split(r"[;\s]+", line.strip()) if word]
+        if len(words) < 3 or not all(_DECIMAL_COMMA.match(word) for word in words[:3]):
+            return False
+        if not all(_DECIMAL_COMMA.match(word) or _WHOLE.match(word) for word in words[3:]):
+            return False
+    return True
 
 
 def _odd_line(lines: list[str], first_line: int) -> str:

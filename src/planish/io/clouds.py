@@ -10,6 +10,7 @@ import numpy as np
 from planish.errors import InputError
 from planish.io.filecloud import FileCloud
 from planish.io.files import read_bytes
+from planish.io.text import as_utf8
 from planish.memory import check_memory
 
 _TIMES_ITS_SIZE = 6.0
@@ -42,7 +43,7 @@ def read_cloud(path: str | Path) -> FileCloud:
     [[0.0, 0.0, 400.0], [1.0, 0.0, 400.0]]
     """
     path = Path(path)
-    data = read_bytes(path)
+    data = as_utf8(read_bytes(path))
     check_memory(_TIMES_ITS_SIZE * len(data), f"the point cloud {path}", "let the scanner's software thin it out")
     cloud = _read(path, data)
     if not len(cloud.points):

@@ -16,10 +16,16 @@ from planish.io.files import files_in, is_folder, read_bytes
 from planish.io.images import decode_grid
 from planish.types import Diagnostic, Floats
 
-DepthScale = Literal["auto", "realsense", "kinect", "tum", "mm", "m"]
+DepthScale = Literal["auto", "realsense", "kinect", "azure", "redwood", "d405", "l515", "tum", "sun", "mm", "m"]
 
-PER_METRE: dict[str, float] = {"realsense": 1000.0, "kinect": 1000.0, "tum": 5000.0, "mm": 1000.0, "m": 1.0}
-"""Numbers of the file that make a metre."""
+PER_METRE: dict[str, float] = {
+    **dict.fromkeys(("realsense", "kinect", "azure", "redwood", "sun", "mm"), 1000.0),
+    **{"d405": 10_000.0, "l515": 4000.0, "tum": 5000.0, "m": 1.0},
+}
+"""Numbers of the file that make a metre; those of SUN RGB-D after their bits were moved back."""
+
+_SUN_BITS = 3
+"""SUN RGB-D keeps depths turned by so many bits to the left (its toolbox: bitor(bitshift(d, -3), bitshift(d, 13)))."""
 
 SUFFIXES = (".png", ".tif", ".tiff", ".exr", ".npy")
 
@@ -34,9 +40,9 @@ def read_depths(paths: Iterable[str | Path], scale: float | str = "auto") -> tup
     ----------
     paths : iterable of str or Path
         16-bit PNG or TIFF, float TIFF, EXR, or .npy: (rows, cols), or (frames, rows, cols) in a .npy.
-    scale : float or {"auto", "realsense", "kinect", "tum", "mm", "m"}
-        How many of the file's numbers make a metre. auto: 1000 for whole numbers; floats are metres where they are
-        below 20, else millimetres.
+    scale : float or a name of `DepthScale`
+        How many of the file's numbers make a metre; "sun" also moves back the bits of SUN RGB-D. auto: 1000 for
+        whole numbers; floats are metres where they are below 20, else millimetres.
 
     Returns
     -------
@@ -65,6 +71,8 @@ def read_depths(paths: Iterable[str | Path], scale: float | str = "auto") -> tup
     warnings: list[Diagnostic] = []
     for path in _files(paths):
         numbers = _numbers(path)
+        if scale == "sun":
+            numbers = _without_turn(path, numbers)
         per_metre = PER_METRE.get(scale, 0.0) if isinstance(scale, str) else float(scale)
         if not per_metre:
             per_metre, guessed = _guessed(numbers)
@@ -112,6 +120,12 @@ def _from_npy(path: Path, data: bytes) -> NDArray:
     except Exception as problem:  # numpy's reader of headers raises what Python's own parser raises
         reason = " ".join(str(problem).split()) or type(problem).__name__
         raise InputError(f"{path} is damaged or was cut short: {reason}") from None
+
+
+def _without_turn(path: Path, numbers: NDArray) -> NDArray:
+    if numbers.dtype != np.uint16:
+        raise InputError(f"{path} holds {numbers.dtype}; depths of SUN RGB-D are whole numbers of 16 bits")
+    return (numbers >> _SUN_BITS) | (numbers << (16 - _SUN_BITS))
 
 
 def _guessed(numbers: NDArray) -> tuple[float, Diagnostic | None]:

@@ -23,6 +23,8 @@ from planish.types import Bools, Diagnostic, Floats
 
 _NO_SURFACE = -1.0
 _KEEP = 255
+FAR_CELLS = 10.0
+"""A tear or a steep flank stretches steps up to some 5 times; runaway points lie hundreds of steps off."""
 
 
 @np.errstate(invalid="ignore", over="ignore")  # for points that are not finite
@@ -54,10 +56,31 @@ def read_tifxyz(path: Path) -> FileMesh:
             warnings.append(Diagnostic("mask-unusable", sentence))
         else:
             known &= keep
+    lone = _lone_points(stack, known)
+    if lone.any():
+        known &= ~lone
+        sentence = f"{path}: {int(lone.sum())} points lie more than {FAR_CELLS:.0f} cells from all their neighbours"
+        warnings.append(Diagnostic("points-far-off", f"{sentence} and were left out"))
     points = np.stack([grid[known] for grid in xyz], axis=1)
     polygons = _cells(known)
     check_faces(path, points, polygons)
     return FileMesh(points, polygons, warnings=warnings)
+
+
+def _lone_points(stack: Floats, known: Bools) -> Bools:
+    """(rows, cols) points that are farther from all their neighbours in the grid than `FAR_CELLS` typical steps."""
+    rows, cols = known.shape
+    nearest, steps = np.full((rows, cols), np.inf), []
+    for down, right in ((0, 1), (1, 0), (1, 1), (1, -1)):
+        a = (slice(0, rows - down), slice(max(0, -right), cols - max(0, right)))
+        b = (slice(down, rows), slice(max(0, right), cols + min(0, right)))
+        apart = np.where(known[a] & known[b], np.linalg.norm(stack[:, *a] - stack[:, *b], axis=0), np.inf)
+        nearest[a], nearest[b] = np.minimum(nearest[a], apart), np.minimum(nearest[b], apart)
+        steps.append(apart[np.isfinite(apart)])
+    every = np.concatenate(steps)
+    if not len(every):
+        return np.zeros((rows, cols), bool)
+    return np.asarray(known & np.isfinite(nearest) & (nearest > FAR_CELLS * np.median(every)))
 
 
 def _size(grid: NDArray) -> str:

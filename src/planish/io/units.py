@@ -132,7 +132,7 @@ def decide_unit(points: Floats, asked: str, named: Unit | None) -> tuple[Unit, l
     """
     if asked != "auto":
         mm_per_unit(asked)
-    diagonal = _diagonal(points)
+    diagonal = sheet_diagonal(points)
     if not np.isfinite(diagonal):
         raise InputError(
             "some points lie so far from the others that no number holds the distance; is the file damaged?"
@@ -161,7 +161,7 @@ def decide_unit(points: Floats, asked: str, named: Unit | None) -> tuple[Unit, l
     return unit, [Diagnostic("unit-guessed", sentence, _IF_WRONG)]
 
 
-def _diagonal(points: Floats) -> float:
+def sheet_diagonal(points: Floats) -> float:
     """From corner to corner of the box around the points, without the few that lie far outside of it."""
     finite = points[np.isfinite(points).all(1)]
     if not len(finite):

@@ -127,7 +127,12 @@ def _printed_side(
         return np.nan_to_num(normals), []
     origin = plausible_origin(points)
     if origin is not None:
-        return origin - points, []
+        guessed = Diagnostic(
+            "origin-as-scanner",
+            "the origin of the points was taken for the place of the scanner, which tells the printed side",
+            "give {seen_from} if the page comes out mirrored",
+        )
+        return origin - points, [guessed]
     guessed = Diagnostic(
         "printed-side-guessed",
         "the printed side is unknown and was assumed to be the one towards +z",

@@ -18,6 +18,11 @@ from planish.types import Bools, Camera, Diagnostic, Floats, Pixels, Scan
 MIN_DISTANCE = 0.3
 """The origin is the scanner position if it is farther from all points than this share of their extent..."""
 
+MAX_DISTANCE_MM = 5000.0
+"""No scanner sees the bend of paper from farther. Range images of rooms reach 10 m, but not sheets."""
+ALONG_AXIS = 0.94
+"""Cosine of 20 degrees, between an axis and the direction of the points' middle. With 10 degrees sheets beside the
+middle of a camera's view would be turned over, with 40 (half a camera's field) a table 0.8 m up passes for a view."""
 MIN_COSINE = 0.5
 """...and sees all points within a cone of 60 degrees around the centre: its cosine."""
 
@@ -110,10 +115,17 @@ def grid_photo(points: Floats, colours: Pixels) -> Pixels:
 
 
 def plausible_origin(points: Floats) -> Floats | None:
-    """The origin if it is a plausible scanner position: in front of the points (k, 3), not among them."""
+    """The origin, if a scanner may have stood there: in front of the points (k, 3), near, and not among them.
+
+    A scanner looks along one of its axes at what it scans; points on a table that stands somewhere in a world do not
+    lie along an axis of that world, and those of surveyors lie kilometres off.
+    """
     distance_mm = np.linalg.norm(points, axis=1)
     extent = float(np.linalg.norm(np.ptp(points, axis=0)))
-    if not distance_mm.min() > MIN_DISTANCE * extent:
+    if not distance_mm.min() > MIN_DISTANCE * extent or np.median(distance_mm) > MAX_DISTANCE_MM:
+        return None
+    along = np.abs(np.median(points, axis=0)) / max(float(np.linalg.norm(np.median(points, axis=0))), 1e-12)
+    if not along.max() > ALONG_AXIS:
         return None
     directions = points / distance_mm[:, None]
     middle = directions.mean(axis=0)

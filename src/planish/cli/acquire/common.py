@@ -13,7 +13,11 @@ from planish.cli.options import Output, Quiet, check_files
 if TYPE_CHECKING:
     from planish.acquire.grid_mesh import AcquiredScan
     from planish.io.filecloud import FileCloud
-    from planish.types import Bools, Camera, Diagnostic, Pixels
+    from planish.types import Bools, Camera, Diagnostic, Floats, Pixels
+
+USUAL_SIZES = 2.5
+"""Sheets under depth cameras are so many times larger or smaller than A4 at most: A7 to A2. With 4 the depths of an
+L515 taken for millimetres would pass."""
 
 Mask = Annotated[str, Parameter(name="--mask")]
 
@@ -84,6 +88,25 @@ def read_optional_photo(
         return photo_image.pixels, None, warnings
     taken_by = read_camera(camera, photo.name, mm_per_unit=mm_per_unit, photo_shape=shape_rc, warnings=warnings)
     return photo_image.pixels, scaled_camera(taken_by, shape_rc) or taken_by, warnings
+
+
+def scale_warnings(points: Floats, scale: float | str) -> list[Diagnostic]:
+    """A warning where a scan of a depth camera has no size of a sheet, with the depth scale that would give it one."""
+    from planish.io.depths import PER_METRE
+    from planish.io.units import A4_MM, sheet_diagonal
+    from planish.types import Diagnostic
+
+    size = sheet_diagonal(points)
+    usual = A4_MM / USUAL_SIZES, A4_MM * USUAL_SIZES
+    if not size > 0 or usual[0] <= size <= usual[1]:
+        return []
+    per_metre = PER_METRE.get(scale, 1000.0) if isinstance(scale, str) else float(scale)
+    sizes = {name: size * per_metre / PER_METRE[name] for name in ("realsense", "l515", "tum", "d405")}
+    better = [f"{{scale={name}}} makes it {mm:.0f} mm" for name, mm in sizes.items() if usual[0] <= mm <= usual[1]]
+    names = "d405 10000, tum 5000, l515 4000; sun for SUN RGB-D"
+    hint = ", ".join(better) or f"give {{scale}} as numbers per metre ({names}), or {{mask}} as an image"
+    sentence = f"the scan is {size:.4g} mm from corner to corner; is the depth scale right"
+    return [Diagnostic("scan-size-unusual", sentence, hint)]
 
 
 def write_acquired(acquired: AcquiredScan, files: ScanFiles) -> list[Path]:

@@ -7,7 +7,15 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from planish.cli.acquire.common import Mask, ScanFiles, check_scan_files, print_scan_summary, sheet_mask, write_acquired
+from planish.cli.acquire.common import (
+    Mask,
+    ScanFiles,
+    check_scan_files,
+    print_scan_summary,
+    scale_warnings,
+    sheet_mask,
+    write_acquired,
+)
 
 
 def depth(
@@ -17,7 +25,8 @@ def depth(
     photo: Path,
     camera: Path,
     photo_camera: Path | None = None,
-    scale: float | Literal["auto", "realsense", "kinect", "tum", "mm", "m"] = "auto",
+    scale: float
+    | Literal["auto", "realsense", "kinect", "azure", "redwood", "d405", "l515", "tum", "sun", "mm", "m"] = "auto",
     mask: Mask = "auto",
     files: ScanFiles,
 ) -> None:
@@ -35,8 +44,9 @@ def depth(
         The camera of the photo (JSON), in the same world frame; lengths in mm. Without it, the photo must be registered
         to the depth maps.
     scale
-        Depth units per metre: realsense and kinect 1000, tum 5000. auto: 1000 for integers; floating-point values
-        below 20 are metres, others millimetres.
+        Depth units per metre: realsense, kinect, azure and redwood 1000, d405 10000, l515 4000, tum 5000; sun: depths
+        of SUN RGB-D, whose bits are shifted. auto: 1000 for integers; floating-point values below 20 are metres,
+        others millimetres.
     mask
         Region of the sheet in the photo: an image that is white there; auto: bright paper on a darker background; none:
         the whole photo.
@@ -61,4 +71,6 @@ def depth(
         acquired = from_depth(frames, depth_camera, photo_image.pixels, seen_from, mask=sheet_mask(mask))
         progress("write", 0.0)
         written = write_acquired(acquired, files)
+    if frames:
+        warnings += scale_warnings(acquired.scan.mesh.points, scale)
     print_scan_summary(acquired, [*warnings, *photo_image.warnings], written, quiet=files.quiet)
