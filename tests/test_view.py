@@ -259,7 +259,7 @@ def test_a_spread_shows_where_it_is_split():
 
 def test_an_image_full_of_noise_stays_within_the_size_limit(done):
     noise = np.random.default_rng(2).integers(0, 255, (2400, 2400, 3), np.uint8)
-    loud = replace(done, rendered=Page(noise, np.ones(noise.shape[:2], bool), 300.0), unshaded=None, binary=None)
+    loud = replace(done, rendered=Page(noise, np.ones(noise.shape[:2], bool), 300.0), unshaded=None, make_binary=None)
     (picture,) = page_pictures(loud)
     assert len(picture.data) < MAX_BYTES
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
+from planish.dpi import MM_PER_INCH
 from planish.errors import UsageError
 
 Lengths = Literal["smooth", "unfolded", "straight"]
@@ -21,9 +22,13 @@ Units = str
 """auto, mm, cm, m, in, or the length of a step of 1 in the file's numbers, such as 7.91um."""
 NamedUnits = Literal["auto", "mm", "cm", "m", "in"]
 """Those that a menu offers."""
+Unit = Literal["mm", "cm", "m", "in"]
 Pages = Literal["1", "2", "auto"]
 SheetRegion = Literal["auto", "all"]
 PageKind = Literal["tif", "png", "jpg", "pdf"]
+
+MM_PER_UNIT: dict[str, float] = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": MM_PER_INCH}
+"""Of every `Unit`."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from planish.display.one_line import one_line
 from planish.errors import InputError
 from planish.mesh import grid_faces, without_small_components
 from planish.types import Bools, Camera, Diagnostic, Floats, Mesh, Scan, freeze
@@ -36,6 +37,8 @@ class AcquiredScan:
     confidence: Floats
     noise_mm: float
     warnings: tuple[Diagnostic, ...] = ()
+
+    __repr__ = one_line
 
     def __post_init__(self) -> None:
         freeze(self)
@@ -121,4 +124,4 @@ def mesh_from_grid(points: Floats, known: Bools, relative: Floats, step: float) 
             "is the unit of the depth right, and the sheet in view?"
         )
     used, faces = without_small_components(faces, len(relative))
-    return Mesh(points[known][used], faces), np.argwhere(known)[used][:, ::-1].astype(np.float64)
+    return Mesh.owned(points[known][used], faces), np.argwhere(known)[used][:, ::-1].astype(np.float64)

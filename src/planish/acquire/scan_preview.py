@@ -38,7 +38,7 @@ def preview(acquired: AcquiredScan) -> NDArray[np.uint8]:
     points = _orient_top(scan.photo_xy, onto_support_plane(scan.mesh)[0])
     shade = 0.35 + 0.75 * np.abs(point_normals(points, scan.mesh.faces) @ LIGHT)
     values = np.column_stack([shade, acquired.confidence, scan.photo_xy])
-    seen, rendered = _render(Mesh(points, scan.mesh.faces), values)
+    seen, rendered = _render(Mesh.owned(points, scan.mesh.faces), values)
     panels = [_shading(rendered[..., 0]), _confidence_colours(rendered[..., 1])]
     if scan.photo is not None:
         panels.insert(1, _textured(scan.photo, rendered[..., 2:]))

@@ -66,7 +66,7 @@ def binarize(page: Page, settings: BinarizeSettings | None = None) -> Page:
     threshold.initialize(grey)
     out = np.empty_like(grey)
     threshold.to_binary(out, _parameters(s, page.dpi, min(grey.shape)))
-    return Page((out[:rows, :cols] > 127) | ~page.known, page.known, page.dpi)
+    return Page.owned((out[:rows, :cols] > 127) | ~page.known, page.known, page.dpi)
 
 
 def _parameters(s: BinarizeSettings, dpi: float, short_side: int) -> dict[str, int | float]:

@@ -101,7 +101,7 @@ def photo(
         restoration = restore(sheet.scan, settings, progress, way_up)
         start = perf_counter()
         progress("write", 0.0)
-        page = restoration.unshaded or restoration.rendered
+        page = restoration.page
         assert page is not None
         write = write_unscaled_page if sheet.report.scale == "unknown" else write_page
         write(output, page)

@@ -162,7 +162,7 @@ def _by_multigrid(
 def _by_verlet(
     mesh: Mesh, topo: Topology, sticks: Sticks, settings: FlattenSettings, progress: Progress | None
 ) -> Solved:
-    standing = Mesh(onto_support_plane(mesh)[0], mesh.faces)
+    standing = Mesh.owned(onto_support_plane(mesh)[0], mesh.faces)
     done = settle(standing, sticks, settings.verlet, progress)
     passed = int(done.passed.sum())
     through = Diagnostic(
@@ -184,7 +184,7 @@ def _by_verlet(
 
 def _by_mass_spring(lattice: Lattice, springs: Sticks, settings: FlattenSettings, progress: Progress | None) -> Solved:
     mesh = lattice.coarse.mesh
-    done = drop(Mesh(onto_support_plane(mesh)[0], mesh.faces), springs, settings.mass_spring, progress)
+    done = drop(Mesh.owned(onto_support_plane(mesh)[0], mesh.faces), springs, settings.mass_spring, progress)
     hidden = Diagnostic(
         "overhang-hidden",
         f"{lattice.overhang:.1%} of the sheet faces the table: the regular mesh of mass-spring, laid over it from "

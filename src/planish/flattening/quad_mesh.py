@@ -91,7 +91,7 @@ def lay_lattice(mesh: Mesh, count: int) -> Lattice:
             "ask for more {points}, or take another {method}",
         )
     faces = corners.reshape(-1, 3).astype(np.int32)
-    nodes = Mesh(np.einsum("nk,nkd->nd", w, mesh.points[mesh.faces[at[:, 0]]]), faces)
+    nodes = Mesh.owned(np.einsum("nk,nkd->nd", w, mesh.points[mesh.faces[at[:, 0]]]), faces)
     node = np.full((cells[1] + 1, cells[0] + 1), -1, np.int32)
     node.ravel()[crossings] = np.arange(len(crossings))
     return Lattice(Coarse(nodes, _nearest(nodes.points, mesh.points)), node, across, down, overhang, shortfall)

@@ -104,7 +104,7 @@ def sheet_mesh(
     if layout != "delaunay":
         ray = points_xyz - SCANNER_MM
         error = error * ray / np.linalg.norm(ray, axis=1, keepdims=True)
-    return Mesh(points_xyz + error, faces), page_xy
+    return Mesh.owned(points_xyz + error, faces), page_xy
 
 
 def _range_layout(sheet: Sheet, points: int, rng: np.random.Generator) -> tuple[Floats, Ints, NDArray[np.int64]]:

@@ -134,8 +134,8 @@ def virtual_scan(
     if frame == "camera":
         cloud = cloud @ camera.rotation.T + camera.translation
         camera = replace(camera, rotation=np.eye(3), translation=np.zeros(3))
-    mesh = Mesh(cloud, faces[:, ::-1] if reverse_faces else faces)
-    scan = Scan(mesh, photo, photo_xy, camera) if photo_px else Scan(mesh, camera=camera)
+    mesh = Mesh.owned(cloud, faces[:, ::-1] if reverse_faces else faces)
+    scan = Scan.owned(mesh, photo, photo_xy, camera) if photo_px else Scan(mesh, camera=camera)
     return VirtualScan(scan, truth_xy, page, text, sheet)
 
 

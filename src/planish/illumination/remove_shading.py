@@ -150,7 +150,7 @@ def remove_shading(
             ),
         )
     fit = _quality(cells, field, lamp, clipped_share, warnings)
-    return EvenlyLit(Page(pixels, page.known, page.dpi, page.icc), clipped, fit, np.exp(field), cells.side_px)
+    return EvenlyLit(Page.owned(pixels, page.known, page.dpi, page.icc), clipped, fit, np.exp(field), cells.side_px)
 
 
 def _by_geometry(

@@ -88,7 +88,7 @@ def coarse_mesh(surface: Surface, step: int) -> Mesh:
     index[some] = np.arange(some.sum())
     a, b, c, d = (k.ravel() for k in (index[:-1, :-1], index[:-1, 1:], index[1:, :-1], index[1:, 1:]))
     faces = np.concatenate([np.stack([a, c, b], axis=1), np.stack([b, c, d], axis=1)])
-    return Mesh(surface.points[::step, ::step][some], faces[(faces >= 0).all(axis=1)])
+    return Mesh.owned(surface.points[::step, ::step][some], faces[(faces >= 0).all(axis=1)])
 
 
 def _off_axis(scan: Scan) -> Floats:

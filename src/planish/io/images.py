@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageCms
 
+from planish.display.one_line import one_line
 from planish.errors import InputError
 from planish.io.files import read_bytes
 from planish.io.photo_kinds import decode_other, other_kind
@@ -63,6 +64,9 @@ class Photo(NamedTuple):
     pixels: Pixels
     icc: bytes | None
     warnings: list[Diagnostic]
+
+    def __repr__(self) -> str:
+        return one_line(self)
 
 
 def read_photo(path: str | Path, *, upright: bool = False) -> Photo:

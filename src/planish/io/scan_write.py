@@ -14,7 +14,7 @@ from planish.io.gltf_write import glb_bytes, one_uv_per_point
 from planish.io.obj import obj_parts
 from planish.io.ply_write import ply_parts
 from planish.io.polygons import Polygons, of_triangles
-from planish.io.units import MM_PER_UNIT
+from planish.settings import MM_PER_UNIT
 from planish.types import Floats, Pixels, Scan
 
 

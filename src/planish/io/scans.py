@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from planish.display.one_line import one_line
 from planish.errors import InputError
 from planish.geometry import depths
 from planish.io.cameras import read_camera, scaled_camera
@@ -45,6 +46,8 @@ class ReadScan:
     warnings: list[Diagnostic]
     polygons: Polygons
     sources: tuple[Path, ...] = ()
+
+    __repr__ = one_line
 
 
 def read_scan(
@@ -89,14 +92,14 @@ def read_scan(
     scale = mm_per_unit(unit)
     points = found.points * scale
     triangles = triangulate(points, found.polygons)
-    mesh = Mesh(points, found.polygons.corners[triangles])
+    mesh = Mesh.owned(points, found.polygons.corners[triangles])
     seen_from = _camera_of(seen_by, _photo_name(found, main), main or found.texture, points, scale, warnings)
     shown = _shown(path, found, main, seen_by, seen_from, triangles, warnings)
     others = [
         _view(path, found, one, where, points, scale, shown.icc, warnings)
         for one, where in zip(photos[1:], cameras[1:], strict=True)
     ]
-    scan = Scan(
+    scan = Scan.owned(
         mesh,
         photo=shown.photo,
         photo_xy=shown.photo_xy,
@@ -230,7 +233,7 @@ def _view(
                 "its colours were taken as they are",
             )
         )
-    return View(picture.pixels, camera)
+    return View.owned(picture.pixels, camera)
 
 
 def _photo_name(found: FileMesh, photo: str | Path | None) -> str | None:

@@ -6,15 +6,12 @@ import re
 
 import numpy as np
 
-from planish.dpi import MM_PER_INCH
 from planish.errors import InputError, UsageError
+from planish.settings import MM_PER_UNIT
 from planish.types import Diagnostic, Floats
 
 Unit = str
 """One of "mm", "cm", "m", "in", or a length such as "7.91um": so long is a step of 1 in the file's numbers."""
-
-MM_PER_UNIT: dict[Unit, float] = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": MM_PER_INCH}
-"""The usual units, which are tried where a file names none."""
 
 _MM_PER_SYMBOL = {**MM_PER_UNIT, "nm": 1e-6, "um": 1e-3, "µm": 1e-3, "μm": 1e-3, "micron": 1e-3, "ft": 304.8, "km": 1e6}
 _LENGTH = re.compile(r"((?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)?\s*([a-zµμ]+)\Z", re.IGNORECASE)

@@ -84,7 +84,7 @@ def write_page_files(out: Outputs, restoration: Restoration, binarized_by: str, 
 
 
 def _page(restoration: Restoration) -> Page:
-    page = restoration.unshaded or restoration.rendered
+    page = restoration.page
     assert page is not None
     return page
 

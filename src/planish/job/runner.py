@@ -116,6 +116,11 @@ def run(job: Job, progress: Progress | None = None) -> JobResult:
         read_seconds = perf_counter() - start
         restoration = restore(loaded.scan, job.settings, progress, way_up)
         text, seconds = [], dict(restoration.report.seconds)
+        if restoration.make_binary is not None and (out.binary or out.html or out.stages):
+            start = perf_counter()
+            progress("binarize", 0.0)
+            restoration.make_binary()  # here, so that its time is told
+            seconds["binarize"] = perf_counter() - start
         if out.ocr is not None:
             start = perf_counter()
             progress("text", 0.0)

@@ -45,13 +45,13 @@ def write_stages(folder: Path, restoration: Restoration) -> list[Path]:
         The files written.
     """
     scan = restoration.prepared.scan
-    assert restoration.rendered is not None
     warped: dict[str, Pixels | Bools] = {}
     photo_dpi = restoration.report.page.effective_ppi_median or 300.0
     if scan.photo is not None:
         photo = _as_page(scan.photo, photo_dpi)
         warped = {"1-warped": photo.pixels, "2-warped-binary": _binary_image(photo)}
-    page = restoration.unshaded or restoration.rendered
+    page = restoration.page
+    assert page is not None
     prepared, flat = restoration.prepared, restoration.flattening
     faces = scan.mesh.faces
     page_xy, error, strain = (from_file_order(prepared, v) for v in (flat.page_xy, flat.error_mm, flat.local_strain))
@@ -92,7 +92,7 @@ def before_and_after(mesh: Mesh, page_xy: Floats) -> tuple[Floats, Floats]:
 
 
 def _as_page(pixels: Pixels | Bools, dpi: float) -> Page:
-    return Page(pixels, np.ones(pixels.shape[:2], bool), dpi)
+    return Page.owned(pixels, np.ones(pixels.shape[:2], bool), dpi)
 
 
 def _binary_image(page: Page) -> Bools:

@@ -158,7 +158,7 @@ def _without_lonely(points: Floats, taken: Ints, faces: Ints, cell: Ints, start:
     row = np.where(used, np.cumsum(used) - 1, -1).astype(np.int32)
     nearest = row[cell]
     _spread(nearest, start, around)
-    return Coarse(Mesh(points[taken[used]], row[faces]), nearest)
+    return Coarse(Mesh.owned(points[taken[used]], row[faces]), nearest)
 
 
 @njit(cache=True)

@@ -48,7 +48,7 @@ def renumbered(mesh: Mesh, order: Ints) -> Mesh:
     """The same mesh with its points in another order, and its faces in the order of their first points."""
     place = np.empty(len(order), np.int32)
     place[order] = np.arange(len(order), dtype=np.int32)
-    return Mesh(mesh.points[order], _by_first_point(place, mesh.faces))
+    return Mesh.owned(mesh.points[order], _by_first_point(place, mesh.faces))
 
 
 @njit(cache=True, nogil=True)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from planish.errors import InputError
@@ -12,7 +10,7 @@ from planish.memory import check_memory
 from planish.mesh.measures import angle_sums, area_vectors, border_loops, bounds
 from planish.mesh.orient import pieces_and_winding
 from planish.mesh.topology import topology
-from planish.types import Bools, Diagnostic, Floats, Ints, Mesh, PreparedScan, Scan, Topology
+from planish.types import Bools, Diagnostic, Floats, Ints, Mesh, PreparedScan, Scan, Topology, trusted_replace
 
 DUST = 0.01
 """A piece, or a flap at an edge with three faces, below this share of the sheet's area is left out."""
@@ -42,7 +40,8 @@ def repair(scan: Scan) -> PreparedScan:
     check_memory(need, f"flattening {len(points):,} points", "let the scanner's software reduce the mesh")
     source = scan
     if scan.camera is not None and scan.photo_xy is None:
-        scan = replace(scan, photo_xy=project(scan.camera, points))
+        places = project(scan.camera, points)
+        scan = trusted_replace(scan, photo_xy=places)
     warnings: list[Diagnostic] = []
     rows = _usable(points, faces, warnings)
     rows, topo = _manifold(points, faces, rows, warnings)
@@ -285,7 +284,7 @@ def _assemble(
         )
     if photo_xy is not None and photo_xy.ndim == 2:
         photo_xy = photo_xy[origin]
-    mesh = Mesh(points[origin], new)
+    mesh = Mesh.owned(points[origin], new)
     topo = topology(mesh.faces, len(origin)) if topo is None or changed else topo
     loops, pieces = border_loops(topo), int(piece.max()) + 1
     if not loops or _closed(piece, topo, pieces):
@@ -295,7 +294,7 @@ def _assemble(
     if pieces > 1:
         sentence = f"the scan is in {pieces} pieces; each is flattened, and all are laid on one page"
         warnings.append(Diagnostic("several-pieces", sentence))
-    repaired = replace(
+    repaired = trusted_replace(
         scan,
         mesh=mesh,
         photo_xy=photo_xy,

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from planish.display.one_line import one_line
 from planish.errors import InputError, UsageError
 from planish.photo.borders import Borders, find_borders
 from planish.photo.creases import crease_length
@@ -58,6 +59,8 @@ class PhotoShape:
     scan: Scan
     report: PhotoReport
     warnings: tuple[Diagnostic, ...]
+
+    __repr__ = one_line
 
 
 def find_shape(

@@ -45,7 +45,7 @@ def make_scan(
     matrix = np.array([[cylinder.focal, 0, cylinder.centre[0]], [0, cylinder.focal, cylinder.centre[1]], [0, 0, 1]])
     rotation = cylinder.rotation @ to_text_frame.T * UP
     camera = Camera(matrix, rotation, mm_per_unit * cylinder.rotation[:, 2], photo.shape[:2])
-    return Scan(Mesh(points, _faces(rows, cols)), photo, photo_xy, camera, icc, upright=upright)
+    return Scan(Mesh.owned(points, _faces(rows, cols)), photo, photo_xy, camera, icc, upright=upright)
 
 
 def cell_centres(shape_rc: tuple[int, int], low: Floats, high: Floats) -> Floats:

@@ -4,39 +4,45 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any, get_args
 
 import numpy as np
 
+from planish.errors import UsageError
 from planish.flattening import flatten as solve
 from planish.mesh import to_file_order
 from planish.pipeline.orient import to_upright_frame
 from planish.pipeline.prepare import prepare
-from planish.settings import FlattenSettings
-from planish.types import Flattening, Floats, Ints, Mesh, PreparedScan, Scan
+from planish.pipeline.stages import Progress, StageTimer, no_progress
+from planish.settings import MM_PER_UNIT, FlattenSettings, Unit
+from planish.types import Flattening, Mesh, PreparedScan, Scan, check_place
 
 
 def flatten(
-    mesh: Mesh | Floats,
-    faces: Ints | None = None,
+    points: Any,
+    faces: Any = None,
     settings: FlattenSettings | None = None,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress | None = None,
     *,
-    viewpoint: Floats | None = None,
+    units: Unit = "mm",
+    viewpoint: Any = None,
 ) -> Flattening:
     """Flatten a mesh: the geometry alone, from plain arrays.
 
     Parameters
     ----------
-    mesh : Mesh or (n, 3) float64 [mm]
-        Or the points alone, with `faces` beside them.
-    faces : (m, 3) int, optional
-        Counter-clockwise seen from the printed side.
+    points : (n, 3) array_like
+        Or the whole mesh: a `Mesh`, or any object with `vertices` and `faces`, such as a trimesh.Trimesh.
+    faces : (m, 3) array_like of int, optional
+        Rows of `points`, counter-clockwise seen from the printed side.
     settings : FlattenSettings, optional
     progress : callable, optional
-        Called with the share of the work that is done.
-    viewpoint : (3,) float [mm], optional
-        Where the scanner's rays come from: its errors are taken out along them. Range images that keep their order of
-        points, row by row, show it by themselves.
+        Called with (stage, share done), as `planish.restore` does.
+    units : {"mm", "cm", "m", "in"}
+        The unit of `points`; the result is in mm in any case. A `Mesh` is in mm.
+    viewpoint : (3,) array_like, optional
+        In the same unit. Where the scanner's rays come from: its errors are taken out along them. Range images that
+        keep their order of points, row by row, show it by themselves.
 
     Returns
     -------
@@ -46,7 +52,9 @@ def flatten(
     Raises
     ------
     InputError
-        Where the mesh is not a sheet that can be flattened.
+        Where the arrays are no mesh (see `Mesh`), or the mesh is not a sheet that can be flattened.
+    UsageError
+        For a unit that there is not, or another unit than mm for a `Mesh`.
 
     Examples
     --------
@@ -59,10 +67,32 @@ def flatten(
     >>> [round(float(mm), 1) for mm in flatten(points, faces).size_mm]
     [10.0, 157.1]
     """
-    sheet = mesh if isinstance(mesh, Mesh) else Mesh(mesh, np.zeros((0, 3), np.int32) if faces is None else faces)
-    prepared = prepare(Scan(sheet, viewpoint=None if viewpoint is None else np.asarray(viewpoint, np.float64)))
-    flat = to_upright_frame(prepared, flatten_prepared(prepared, settings, progress), "auto")
+    mesh = _in_mm(points, faces, units)
+    eye = None if viewpoint is None else MM_PER_UNIT[units] * check_place(viewpoint, "the viewpoint")
+    stage = StageTimer(progress or no_progress)
+    with stage("clean"):
+        prepared = prepare(Scan.owned(mesh, viewpoint=eye))
+    with stage("flatten") as share:
+        flat = flatten_prepared(prepared, settings, share)
+    with stage("turn"):
+        flat = to_upright_frame(prepared, flat, "auto")
     return replace(in_file_order(prepared, flat), warnings=(*prepared.warnings, *flat.warnings))
+
+
+def _in_mm(points: Any, faces: Any, units: Unit) -> Mesh:
+    """The mesh that a user gave, in mm."""
+    if units not in get_args(Unit):
+        raise UsageError(f"units is {units!r}; one of {', '.join(get_args(Unit))} is wanted")
+    if isinstance(points, Mesh):
+        if faces is not None:
+            raise UsageError("a whole mesh was given, and faces beside it; give points and faces, or the mesh alone")
+        if units != "mm":
+            raise UsageError(
+                f"units is {units!r}, but a Mesh is in mm already; give points and faces in their own unit"
+            )
+        return points
+    mesh = Mesh(points, faces)
+    return mesh if units == "mm" else Mesh.owned(mesh.points * MM_PER_UNIT[units], mesh.faces)
 
 
 def flatten_prepared(

@@ -1,8 +1,10 @@
-"""The whole pipeline: prepare, flatten, orient, draw, even out the light, binarize, report."""
+"""The whole pipeline: prepare, flatten, orient, draw, even out the light, report; binarized when asked for."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache, partial
 
 from planish.binarize import binarize
 from planish.document import find_gutter
@@ -33,7 +35,6 @@ class _Drawn:
 
     rendered: Rendered | None = None
     lit: EvenlyLit | None = None
-    binary: Page | None = None
     spine: Spine | None = None
 
 
@@ -93,13 +94,21 @@ def restore(
         flattening=in_file_order(prepared, flat),
         rendered=rendered.page if rendered else None,
         unshaded=lit.page if lit else None,
-        binary=drawn.binary,
         report=report,
         prepared=prepared,
         clipped=lit.clipped if lit else None,
         light=lit.light if lit else None,
         ppi=rendered.resolution.ppi if rendered else None,
+        make_binary=_binarizer(drawn, s),
     )
+
+
+def _binarizer(drawn: _Drawn, settings: RestoreSettings) -> Callable[[], Page] | None:
+    """Binarization of the page, done once when it is first asked for; None where there is nothing to do."""
+    if drawn.rendered is None or settings.binarize.binarize == "none":
+        return None
+    page = drawn.lit.page if drawn.lit else drawn.rendered.page
+    return cache(partial(binarize, page, settings.binarize))
 
 
 def _draw(
@@ -111,7 +120,7 @@ def _draw(
 ) -> tuple[Flattening, _Drawn]:
     """The stages that need a photo; the flattening comes back as its text reads."""
     sheet, s = prepared.scan, settings
-    spine = lit = binary = None
+    spine = lit = None
     with stage("turn"):
         views = photo_views(sheet, flat.page_xy, flat.size_mm)
         if s.rotate == "auto":
@@ -125,10 +134,7 @@ def _draw(
         with stage("unshade"):
             normals = prepared.normals if flat.normals is None else flat.normals
             lit = remove_shading(rendered.page, sheet, flat.page_xy, normals, s.shading)
-    if s.binarize.binarize != "none":
-        with stage("binarize"):
-            binary = binarize(lit.page if lit else rendered.page, s.binarize)
-    return flat, _Drawn(rendered, lit, binary, spine)
+    return flat, _Drawn(rendered, lit, spine)
 
 
 def _warnings(drawn: _Drawn, pages: Pages) -> list[Diagnostic]:

@@ -122,7 +122,7 @@ def _page(
 ) -> Page:
     pixels, known = render_bands(views, mixed, _shape(size_mm, dpi, views[0].dtype.itemsize), mm_to_px(1, dpi))
     pixels[~known] = _paper(pixels, known)
-    return Page(pixels, known, dpi, icc)
+    return Page.owned(pixels, known, dpi, icc)
 
 
 def _mixed(views: Sequence[PhotoView], size_mm: tuple[float, float]) -> Blend:

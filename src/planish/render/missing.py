@@ -68,7 +68,7 @@ def mask_of(page: Page, clipped: Bools | None = None) -> Page:
         back = (len(square) - 1 - len(square) // 2,) * 2  # else an even square would move everything by a pixel
         wide = cv2.dilate(cv2.erode(np.asarray(clipped & page.known, np.uint8), square), square, anchor=back)
         value[wide > 0] = CLIPPED
-    return Page(value, page.known, page.dpi)
+    return Page.owned(value, page.known, page.dpi)
 
 
 def _square(dpi: float) -> NDArray[np.uint8]:

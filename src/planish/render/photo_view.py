@@ -70,7 +70,7 @@ def photo_views(scan: Scan, page_xy: Floats, size_mm: tuple[float, float]) -> li
             "the scan has no photo that could be drawn: neither texture coordinates nor a camera came with it; give "
             "both a photo and its camera, or flatten the mesh alone"
         )
-    several = [scan, *(Scan(scan.mesh, view.photo, camera=view.camera) for view in scan.others)]
+    several = [scan, *(Scan.owned(scan.mesh, view.photo, camera=view.camera) for view in scan.others)]
     names = ["the photo"] if len(several) == 1 else [f"photo {i + 1} of {len(several)}" for i in range(len(several))]
     return [_view(one, page_xy, size_mm, name) for one, name in zip(several, names, strict=True)]
 

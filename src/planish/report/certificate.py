@@ -46,7 +46,7 @@ def certificate(done: Restoration, name: str = "") -> NDArray[np.uint8]:
     sheet = Sheet(WIDTH, HEIGHT)
     _head(sheet, done, name)
     top = 330.0
-    page = done.unshaded or done.rendered
+    page = done.page
     assert page is not None
     sheet.picture(page.pixels, (MARGIN, top, *THUMB))
     _figures(sheet, done, MARGIN + THUMB[0] + 60, top)

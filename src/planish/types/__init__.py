@@ -3,7 +3,8 @@
 Positions are (x, y[, z]) in millimetres; images are [row, col]. Arrays are read-only once a value is made.
 """
 
-from planish.types.arrays import Bools, Floats, Ints, Pixels, freeze
+from planish.types.arrays import Bools, Floats, Ints, Pixels, freeze, trusted_replace
+from planish.types.checks import check_place
 from planish.types.diagnostic import Diagnostic
 from planish.types.page import Page, Restoration
 from planish.types.prepared import PreparedScan, Topology
@@ -51,6 +52,8 @@ __all__ = [
     "Texture",
     "Topology",
     "View",
+    "check_place",
     "freeze",
     "summary",
+    "trusted_replace",
 ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -11,13 +12,15 @@ from numpy.typing import DTypeLike, NDArray
 from planish.display.html import as_image, html_picture, html_table, small_jpeg, small_png
 from planish.dpi import MM_PER_INCH
 from planish.errors import MissingExtraError
-from planish.types.arrays import Bools, Pixels, freeze
+from planish.types.arrays import Bools, Pixels, freeze, frozen_copy, trusted
 from planish.types.prepared import PreparedScan
 from planish.types.report import Report
 from planish.types.sheet import Flattening
 from planish.types.summary import summary
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
     from PIL.Image import Image
     from xarray import DataArray
 
@@ -25,6 +28,8 @@ if TYPE_CHECKING:
 @dataclass(frozen=True, eq=False)
 class Page:
     """An image of the flat page; `numpy.asarray` of it is its pixels.
+
+    Pixels are copied unless nobody can change them.
 
     Attributes
     ----------
@@ -51,7 +56,14 @@ class Page:
     icc: bytes | None = None
 
     def __post_init__(self) -> None:
-        freeze(self)
+        for name in ("pixels", "known"):
+            given = getattr(self, name)
+            object.__setattr__(self, name, frozen_copy(np.asarray(given), given))
+
+    @classmethod
+    def owned(cls, pixels: Pixels | Bools, known: Bools, dpi: float, icc: bytes | None = None) -> Page:
+        """Make a page of arrays that nobody else changes, without a copy."""
+        return trusted(cls, pixels=pixels, known=known, dpi=dpi, icc=icc)
 
     @property
     def size_mm(self) -> tuple[float, float]:
@@ -85,6 +97,23 @@ class Page:
         places = {"y": ("y", y, {"units": "mm"}), "x": ("x", x, {"units": "mm"}), "known": (("y", "x"), self.known)}
         return DataArray(self.pixels, places, ("y", "x", "channel")[: self.pixels.ndim], "page", {"dpi": self.dpi})
 
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the page over its millimetres with matplotlib (extra `planish[plot]`).
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw. By default in a new figure.
+
+        Raises
+        ------
+        MissingExtraError
+            Where matplotlib is not installed.
+        """
+        from planish.display.plot import plot_page
+
+        return plot_page(self, ax)
+
     def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> NDArray:
         return np.array(self.pixels, dtype=dtype, copy=copy)
 
@@ -105,7 +134,7 @@ class Restoration:
     ----------
     flattening : Flattening
         With the place on the page of every point of the scan, in the scan's order.
-    rendered, unshaded, binary : Page or None
+    rendered, unshaded : Page or None
         None where the scan has no photo, or where that stage was not asked for. Of the whole sheet.
     report : Report
         With the place of the spine, along which `planish.split_pages` cuts these pages in two.
@@ -117,20 +146,44 @@ class Restoration:
         Linear light that blank paper had in the photo, on a coarse grid over the page, where shade was removed.
     ppi : (rows, cols) float32 [1 / inch] or None
         Photo pixels per inch of page, on a coarse grid over the page; NaN where the photo did not see it.
+    make_binary : callable or None
+        () -> Page; what `binary` calls. Computes the page once and keeps it.
     """
 
     flattening: Flattening
     rendered: Page | None
     unshaded: Page | None
-    binary: Page | None
     report: Report
     prepared: PreparedScan
     clipped: Bools | None = None
     light: NDArray[np.float32] | None = None
     ppi: NDArray[np.float32] | None = None
+    make_binary: Callable[[], Page] | None = None
 
     def __post_init__(self) -> None:
         freeze(self)
+
+    @property
+    def page(self) -> Page | None:
+        """The best page that there is: without shading where that was removed, else as rendered; None without photo."""
+        return self.unshaded or self.rendered
+
+    @property
+    def binary(self) -> Page | None:
+        """The page in black and white, computed when it is first asked for; None without photo or method."""
+        return None if self.make_binary is None else self.make_binary()
+
+    def plot(self) -> Figure:
+        """Draw the page beside maps of the expected error, the strain and the photo's resolution (matplotlib).
+
+        Raises
+        ------
+        MissingExtraError
+            Where matplotlib is not installed (extra `planish[plot]`).
+        """
+        from planish.display.plot import plot_restoration
+
+        return plot_restoration(self)
 
     def __repr__(self) -> str:
         width, height = self.flattening.size_mm
@@ -139,6 +192,5 @@ class Restoration:
 
     def _repr_html_(self) -> str:
         rows = [*summary(self.report), *(("note", str(warning)) for warning in self.report.warnings)]
-        page = self.unshaded or self.rendered
-        picture = html_picture(small_jpeg(page.pixels), "the restored page") if page else ""
+        picture = html_picture(small_jpeg(self.page.pixels), "the restored page") if self.page else ""
         return f'<div style="display:flex;flex-wrap:wrap;gap:1.5em;align-items:start">{picture}{html_table(rows)}</div>'

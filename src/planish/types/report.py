@@ -308,6 +308,11 @@ class Report:
     guideline: GuidelineReport | None = None
     settings: RestoreSettings | None = None
 
+    def __repr__(self) -> str:
+        size = f"{self.page.width_mm:.1f} x {self.page.height_mm:.1f} mm"
+        error = f"expected error {self.flatten.expected_error_mm:.3f} mm"
+        return f"Report({size}, {error}, {len(self.warnings)} warnings; {self.outcome})"
+
     @property
     def warning_codes(self) -> list[str]:
         """Codes of the warnings, for programs."""

@@ -4,33 +4,79 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import Enum
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from planish.types.arrays import Bools, Floats, Ints, Pixels, freeze
+from planish.display.one_line import one_line, shape_of
+from planish.errors import InputError
+from planish.types.arrays import Bools, Floats, Ints, Pixels, freeze, frozen_copy, trusted
+from planish.types.checks import check_faces, check_photo, check_photo_xy, check_place, check_points
 from planish.types.diagnostic import Diagnostic
 from planish.types.texture import Texture
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
-@dataclass(frozen=True, eq=False)
+    from planish.display.plot import PlotValues
+
+
+@dataclass(frozen=True, eq=False, init=False)
 class Mesh:
     """A triangle mesh of the printed side of a sheet.
+
+    What is given is checked, and copied unless nobody can change it: a mesh is never changed afterwards.
+
+    Parameters
+    ----------
+    points : (n, 3) array_like [mm], or an object with `vertices` and `faces`, such as a trimesh.Trimesh
+    faces : (m, 3) array_like of int
+        Rows of `points`, counter-clockwise seen from the printed side.
 
     Attributes
     ----------
     points : (n, 3) float64 [mm]
     faces : (m, 3) int32
-        Rows of `points`, counter-clockwise seen from the printed side.
+
+    Raises
+    ------
+    InputError
+        For quads, transposed or masked arrays, faces that are not whole numbers, indices that no point has.
+
+    Examples
+    --------
+    >>> Mesh([[0, 0, 0], [210, 0, 0], [0, 297, 0]], [[0, 1, 2]])
+    Mesh(3 points, 1 face)
+    >>> Mesh([[0, 0, 0], [210, 0, 0], [210, 297, 0], [0, 297, 0]], [[0, 1, 2, 3]])
+    Traceback (most recent call last):
+        ...
+    planish.errors.InputError: faces have the shape (1, 4); (m, 3) is wanted, ...; split each of these quads into ...
     """
 
     points: Floats
     faces: Ints
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "points", np.asarray(self.points, np.float64).reshape(-1, 3))
-        object.__setattr__(self, "faces", np.asarray(self.faces, np.int32).reshape(-1, 3))
-        freeze(self)
+    def __init__(self, points: Any, faces: Any = None) -> None:
+        if faces is None:
+            if not (hasattr(points, "vertices") and hasattr(points, "faces")):
+                raise InputError(
+                    f"a mesh needs points and faces, and only a {type(points).__name__} was given; an object with "
+                    "vertices and faces will do as well"
+                )
+            points, faces = points.vertices, points.faces
+        checked = check_points(points)
+        object.__setattr__(self, "points", checked)
+        object.__setattr__(self, "faces", check_faces(faces, len(checked)))
+
+    @classmethod
+    def owned(cls, points: NDArray[Any], faces: NDArray[Any]) -> Mesh:
+        """Make a mesh of arrays that are known to be right and that nobody else changes: no check, no copy."""
+        return trusted(cls, points=np.asarray(points, np.float64), faces=np.asarray(faces, np.int32))
+
+    def __repr__(self) -> str:
+        n, m = len(self.points), len(self.faces)
+        return f"Mesh({n:,} point{'' if n == 1 else 's'}, {m:,} face{'' if m == 1 else 's'})"
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +103,14 @@ class Camera:
     distortion: Floats = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
-        freeze(self)
+        for name in ("matrix", "rotation", "translation", "distortion"):
+            given = getattr(self, name)
+            object.__setattr__(self, name, frozen_copy(np.asarray(given, np.float64), given))
+
+    def __repr__(self) -> str:
+        rows, cols = self.shape_rc
+        f = np.asarray(self.matrix)[[0, 1], [0, 1]]
+        return f"Camera({cols} x {rows} px, focal lengths {f[0]:.1f} and {f[1]:.1f} px)"
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,12 +128,24 @@ class View:
     camera: Camera
 
     def __post_init__(self) -> None:
-        freeze(self)
+        object.__setattr__(self, "photo", check_photo(self.photo))
+
+    @classmethod
+    def owned(cls, photo: Pixels, camera: Camera) -> View:
+        """Make a view of pixels that are known to be right and that nobody else changes: no check, no copy."""
+        return trusted(cls, photo=photo, camera=camera)
+
+    def __repr__(self) -> str:
+        return f"View({shape_of(self.photo)}, {self.camera!r})"
 
 
 @dataclass(frozen=True, eq=False)
 class Scan:
     """A mesh and the photo that was taken with it.
+
+    What is given is checked, and copied unless nobody can change it. The mesh may be any object with `vertices` and
+    `faces`; the photo may be grey (rows, cols), or floats from 0 to 1 as scikit-image has them, which become uint16;
+    `photo_xy` may be a list.
 
     Attributes
     ----------
@@ -121,7 +186,41 @@ class Scan:
     viewpoint: Floats | None = None
 
     def __post_init__(self) -> None:
-        freeze(self)
+        if not isinstance(self.mesh, Mesh):
+            object.__setattr__(self, "mesh", Mesh(self.mesh))
+        if self.photo is not None:
+            object.__setattr__(self, "photo", check_photo(self.photo))
+        if self.photo_xy is not None:
+            places = check_photo_xy(self.photo_xy, len(self.mesh.points), len(self.mesh.faces))
+            object.__setattr__(self, "photo_xy", places)
+        if self.viewpoint is not None:
+            object.__setattr__(self, "viewpoint", check_place(self.viewpoint, "the viewpoint"))
+        for name in ("texture_of_face", "colours"):
+            given = getattr(self, name)
+            if given is not None:
+                object.__setattr__(self, name, frozen_copy(np.asarray(given), given))
+        object.__setattr__(self, "others", tuple(self.others))
+
+    @classmethod
+    def owned(
+        cls,
+        mesh: Mesh,
+        photo: Pixels | None = None,
+        photo_xy: Floats | None = None,
+        camera: Camera | None = None,
+        **more: Any,
+    ) -> Scan:
+        """Make a scan of arrays that are known to be right and that nobody else changes: no check, no copy."""
+        return trusted(cls, mesh=mesh, photo=photo, photo_xy=photo_xy, camera=camera, **more)
+
+    def __repr__(self) -> str:
+        parts = [repr(self.mesh), "no photo" if self.photo is None else f"photo {shape_of(self.photo)}"]
+        if self.photo_xy is not None:
+            parts.append(f"photo_xy per {'point' if self.photo_xy.ndim == 2 else 'corner'}")
+        parts += [repr(self.camera)] if self.camera is not None else []
+        parts += [f"icc {len(self.icc):,} bytes"] if self.icc is not None else []
+        parts += [f"{len(self.others)} more photos"] if self.others else []
+        return f"Scan({', '.join(parts)})"
 
     @property
     def has_picture(self) -> bool:
@@ -165,6 +264,8 @@ class Sticks:
     normals: NDArray[np.float32] | None = None
     noise_length_mm: float | None = None
     spikes: int = 0
+
+    __repr__ = one_line
 
     def __post_init__(self) -> None:
         freeze(self)
@@ -245,3 +346,34 @@ class Flattening:
 
     def __post_init__(self) -> None:
         freeze(self)
+
+    @property
+    def uv(self) -> Floats:
+        """(n, 2) float64 [mm] the same places for programs about meshes: u right, v up, origin at the bottom left."""
+        return np.column_stack([self.page_xy[:, 0], self.size_mm[1] - self.page_xy[:, 1]])
+
+    def plot(self, values: PlotValues = "error", ax: Axes | None = None) -> Axes:
+        """Draw the flat sheet in colours with matplotlib (extra `planish[plot]`).
+
+        Parameters
+        ----------
+        values : {"error", "strain"}
+            Expected error of the points in mm, or local strain in %.
+        ax : matplotlib.axes.Axes, optional
+            Where to draw. By default in a new figure.
+
+        Raises
+        ------
+        MissingExtraError
+            Where matplotlib is not installed.
+        """
+        from planish.display.plot import plot_flattening
+
+        return plot_flattening(self, values, ax)
+
+    def __repr__(self) -> str:
+        width, height = self.size_mm
+        return (
+            f"Flattening({len(self.page_xy):,} points on {width:.1f} x {height:.1f} mm, {self.outcome.name.lower()} "
+            f"after {self.iterations} steps of {self.method}, strain {self.strain[0]:.1e} rms)"
+        )

@@ -153,7 +153,7 @@ def _simulate_verlet(mesh: Mesh) -> tuple[NDArray[np.float32], Outcome]:
     """Simulate a falling sheet: all states (t, n, 3), and the outcome."""
     sticks = make_sticks(mesh, topology(mesh.faces, len(mesh.points)), "unfolded")
     history: list[NDArray[np.float32]] = []
-    standing = Mesh(onto_support_plane(mesh)[0], mesh.faces)
+    standing = Mesh.owned(onto_support_plane(mesh)[0], mesh.faces)
     result = settle(
         standing, sticks, ANIMATION_SETTINGS, watch=lambda points: history.append(points.astype(np.float32))
     )

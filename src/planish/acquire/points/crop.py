@@ -58,7 +58,7 @@ def crop_to_sheet(mesh: Mesh, camera: Camera, sheet: Bools, rim_mm: float, noise
             "together?"
         )
     used, faces = without_small_components(faces, len(xy))
-    return Mesh(mesh.points[used], faces)
+    return Mesh.owned(mesh.points[used], faces)
 
 
 def _visible(mesh: Mesh, camera: Camera, xy: Floats, reach_mm: float) -> Bools:

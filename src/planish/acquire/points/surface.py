@@ -97,7 +97,7 @@ def reconstruct_surface(points: Floats, normals: Floats, spacing_mm: float) -> M
     if not len(faces):
         raise no_surface
     used, faces = without_small_components(faces, len(vertices))
-    return Mesh(vertices[used], faces)
+    return Mesh.owned(vertices[used], faces)
 
 
 def import_marching_cubes():  # type: ignore[no-untyped-def]
