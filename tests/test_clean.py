@@ -188,7 +188,7 @@ def moebius():
     [
         (lambda: (np.zeros((0, 3)), np.zeros((0, 3))), "no points"),
         (lambda: (np.zeros((4, 3)), np.zeros((0, 3))), "4 points but no faces"),
-        (lambda: (sheet()[0][:40], sheet()[1]), "uses point 4., but the scan has 40 points"),
+        (lambda: (sheet()[0][:40], sheet()[1]), "uses point 4., but there are 40 points"),
         (lambda: (sheet()[0], sheet()[1] - 1), "uses point -1"),
         (lambda: (np.full((48, 3), np.nan), sheet()[1]), "no face of the scan has three different, finite points"),
         (lambda: (sheet()[0] * [0, 1, 0], sheet()[1]), "on one line"),

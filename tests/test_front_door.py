@@ -68,7 +68,7 @@ class TestMesh:
             (POINTS, FACES > 3, "faces came as an array of bool"),
             ([[0, 0, 0], [1, 0]], FACES, "points came as rows of different lengths"),
             ("sheet.obj", FACES, "points came as a str"),
-            (POINTS, None, "a mesh needs points and faces, and only a ndarray was given"),
+            (POINTS, None, "a ndarray was given and no faces"),
         ],
     )
     def test_anything_else_is_refused_in_one_sentence(self, points, faces, sentence):

@@ -137,7 +137,7 @@ def test_progress_names_every_stage(book):
     told = []
     planish.restore(book.scan, DRAFT, lambda name, share: told.append((name, share)))
     names = list(dict.fromkeys(name for name, _ in told))
-    assert names == ["clean", "flatten", "turn", "render", "unshade", "binarize", "measure"]
+    assert names == ["clean", "flatten", "turn", "render", "unshade", "measure"]
     assert all(0 <= share <= 1 for _, share in told)
 
 

@@ -31,7 +31,7 @@ def repair(scan: Scan) -> PreparedScan:
     Raises
     ------
     InputError
-        No faces, an index out of range, no finite area, edges with three faces all over, a closed surface, a strip
+        No faces, no finite area, edges with three faces all over, a closed surface, a strip
         with one side only.
     """
     points, faces = scan.mesh.points, scan.mesh.faces
@@ -65,13 +65,6 @@ def _check(points: Floats, faces: Ints) -> None:
     if not len(faces):
         raise InputError(
             f"the scan has {len(points):,} points but no faces; a mesh is needed, so mesh the point cloud first"
-        )
-    low, high = int(faces.min()), int(faces.max())
-    if low < 0 or high >= len(points):
-        row = int(np.argmax((faces.min(axis=1) < 0) | (faces.max(axis=1) >= len(points))))
-        raise InputError(
-            f"face {row} uses point {low if low < 0 else high}, but the scan has {len(points):,} points (counted from "
-            "0); was the file cut short?"
         )
 
 
