@@ -61,8 +61,8 @@ class Mesh:
         if faces is None:
             if not (hasattr(points, "vertices") and hasattr(points, "faces")):
                 raise InputError(
-                    f"a {type(points).__name__} was given and no faces; a mesh needs both, or an object with vertices and "
-                    "faces"
+                    f"a {type(points).__name__} was given and no faces; a mesh needs both, or an object that has "
+                    "vertices and faces"
                 )
             points, faces = points.vertices, points.faces
         checked = check_points(points)
