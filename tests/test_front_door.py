@@ -185,6 +185,12 @@ class TestFlatten:
         with pytest.raises(UsageError, match="faces beside it"):
             planish.flatten(Mesh(POINTS, FACES), FACES)
 
+    def test_a_viewpoint_is_three_finite_numbers(self):
+        assert Scan(Mesh(POINTS, FACES), viewpoint=[0, 0, 500]).viewpoint.dtype == np.float64
+        for viewpoint in ([0, 0], [0, 0, np.inf], "above"):
+            with pytest.raises(InputError, match="the viewpoint"):
+                planish.flatten(POINTS, FACES, viewpoint=viewpoint)
+
     def test_a_mesh_of_another_library_is_flattened(self):
         assert len(planish.flatten(Trimesh(POINTS, FACES)).page_xy) == len(POINTS)
 
