@@ -1,4 +1,4 @@
-"""Sheets bent in exactly known ways and a virtual scanner: truth for tests, benchmarks and the demo."""
+"""Synthetic sheets with known flat shape and virtual scanners: ground truth for tests, benchmarks and the demo."""
 
 from planish.gallery.light import Light
 from planish.gallery.meshes import OUTLINES, sheet_mesh

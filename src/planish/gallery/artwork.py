@@ -1,4 +1,4 @@
-"""Pictures for the printed pages: a grey landscape, a line drawing and a rubber stamp."""
+"""Artwork for the test pages: a grey landscape, a line drawing and a rubber stamp."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from PIL import Image, ImageDraw, ImageFont
 from planish.gallery.sheets import sheet
 
 SUPERSAMPLE = 4
-"""Lines are drawn this much larger and brought down, which makes their edges smooth."""
+"""Supersampling factor for anti-aliased lines."""
 
 
 def hills(width: int, height: int, seed: int = 3) -> NDArray[np.uint8]:
-    """Paint rows of misty hills under a bright sky, in continuous greys.
+    """Draw misty hills under a bright sky in continuous tones.
 
     Returns
     -------
@@ -46,7 +46,7 @@ def hills(width: int, height: int, seed: int = 3) -> NDArray[np.uint8]:
 
 
 def line_drawing(width: int, height: int) -> Image.Image:
-    """Draw the gallery's waving sheet as a net of fine lines, seen from the side and above."""
+    """Draw the wave sheet as a grid of fine lines in oblique projection."""
     wave = sheet("wave", steepness_deg=55.0, waves=1.5)
     across, down = np.linspace(0, wave.width_mm, 25), np.linspace(0, wave.height_mm, 33)
     lines = [np.stack([np.full(200, x), np.linspace(0, wave.height_mm, 200)], axis=1) for x in across]
@@ -64,7 +64,7 @@ def line_drawing(width: int, height: int) -> Image.Image:
 
 
 def stamp_print(lines: Sequence[str], size: float) -> Image.Image:
-    """Print a rubber stamp in red, a little askew, on white."""
+    """Draw a slightly rotated red rubber stamp on white."""
     big = size * SUPERSAMPLE
     font = ImageFont.load_default(big)
     width = max(font.getlength(line) for line in lines) + 1.4 * big
@@ -84,7 +84,7 @@ RED = (196, 30, 46)
 
 
 def _oblique(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Place on the drawing, y down, of points seen from the front right and above."""
+    """Oblique projection, y down, from the front right and above."""
     turn, rise = np.radians(35), np.radians(38)
     x = points[:, 0] * np.cos(turn) - points[:, 1] * np.sin(turn)
     depth = points[:, 0] * np.sin(turn) + points[:, 1] * np.cos(turn)

@@ -1,4 +1,4 @@
-"""Point clouds of known sheets: the range image of the paper's scanner, and the points of a photogrammetry program."""
+"""Synthetic point clouds of known sheets: range images and photogrammetry clouds."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from planish.gallery.typeset import typeset_sheet
 from planish.types import Bools, Camera, Floats, Page, Pixels
 
 SCANNER_MM = (3.0, -2.0, 650.0)
-"""Where the virtual range scanner stands, over the table's origin."""
+"""Position of the virtual range scanner above the table's origin."""
 
 STEEPEST_DEG = 80.0
-"""A scanner's laser comes back from surfaces that are turned away by less."""
+"""Largest angle of incidence at which the scanner measures."""
 
 MISSING_SHARE = 0.003
-"""Part of the pixels that see nothing, wherever they look."""
+"""Share of missing pixels."""
 
 TABLE_MARGIN_MM = 15.0
-"""So much of the table around the sheet stands in a photogrammetry cloud."""
+"""Margin of the table around the sheet in a photogrammetry cloud."""
 
 OUTLIER_SHARE = 0.002
 """Part of its points that are matches gone wrong, up to `OUTLIER_MM` off the surface."""
@@ -35,18 +35,18 @@ OUTLIER_MM = 15.0
 
 @dataclass(frozen=True, eq=False)
 class RangeImage:
-    """What a range scanner delivers.
+    """Output of a range scanner.
 
     Attributes
     ----------
     points : (rows, cols, 3) float64 [mm]
-        In the scanner's frame: x right, y down, z away from it; NaN where nothing was seen.
+        In the scanner's frame: x right, y down, z away; NaN where missing.
     colours : (rows, cols, 3) uint8
-        The photo through the same lens.
+        Photo through the same lens.
     camera : Camera
-        The scanner on the table.
+        Scanner pose in the table's frame.
     page : Page
-        What is printed on the sheet.
+        The print on the sheet.
     """
 
     points: Floats
@@ -63,16 +63,15 @@ def range_image(
     printed: Page | None = None,
     rng: np.random.Generator | int = 0,
 ) -> RangeImage:
-    """Scan a sheet on its table as the paper's scanner does: 640 x 480 points, each with a colour.
+    """Scan a sheet like the scanner of the ICDAR 2005 paper: 640 x 480 points, each with a colour.
 
-    The scanner is held upright over an upright sheet. Errors lie along its rays; it sees nothing of what is turned
-    away by more than 80 degrees, nor with 0.3 % of its pixels.
+    Errors are along the rays; points at angles of incidence above 80 degrees and 0.3 % of the pixels are missing.
 
     Parameters
     ----------
     sheet : Sheet
     shape_rc : (int, int), optional
-        Rows and columns; by default 640 and 480, the more of them along the longer side of the sheet.
+        Rows and columns; by default 640 along the longer side of the sheet and 480 along the other.
     noise_mm : float
         Standard deviation of the errors.
     printed : Page, optional
@@ -104,20 +103,20 @@ def range_image(
 
 @dataclass(frozen=True, eq=False)
 class PhotogrammetryCloud:
-    """What a photogrammetry program delivers.
+    """Output of a photogrammetry program.
 
     Attributes
     ----------
     points : (n, 3) float64 [mm]
-        On the table, z up; in no order.
+        In the table's frame, z up; unorganised.
     colours : (n, 3) uint8
     normals : (n, 3) float64
-        Away from the paper, as rough as such programs make them.
+        Outward, noisy.
     photo : (h, w, 3) uint8, or None
     camera : Camera
-        That took the photo, in the world of the points.
+        Camera of the photo, in the frame of the points.
     page : Page
-        What is printed on the sheet.
+        The print on the sheet.
     """
 
     points: Floats
@@ -137,15 +136,15 @@ def photogrammetry_cloud(
     printed: Page | None = None,
     rng: np.random.Generator | int = 0,
 ) -> PhotogrammetryCloud:
-    """Scatter coloured points over a sheet and the table around it, as photogrammetry does.
+    """Sample coloured points on a sheet and the table around it, like a photogrammetry cloud.
 
-    Errors are the same in all directions; one point in 500 lies anywhere up to 15 mm off the surface.
+    Errors are isotropic; one point in 500 is an outlier up to 15 mm off the surface.
 
     Parameters
     ----------
     sheet : Sheet
     points : int
-        On the sheet; those on the table come on top, as dense.
+        On the sheet; points on the table are added at the same density.
     noise_mm : float
         Standard deviation of the errors in each direction.
     photo_px : (int, int) or None
@@ -183,7 +182,7 @@ def photogrammetry_cloud(
 
 
 def _table_around(position: Floats, density: float, rng: np.random.Generator) -> Floats:
-    """Random points of the table around what lies on it, and not under it."""
+    """Random points of the table around the sheet, not under it."""
     low, high = position[:, :2].min(axis=0) - TABLE_MARGIN_MM, position[:, :2].max(axis=0) + TABLE_MARGIN_MM
     candidates = rng.uniform(low, high, (int(density * np.prod(high - low)), 2))
     apart = cKDTree(position[:, :2]).query(candidates)[0] > 2 / np.sqrt(density)
@@ -192,7 +191,7 @@ def _table_around(position: Floats, density: float, rng: np.random.Generator) ->
 
 
 def _seen_colours(position: Floats, upward: Floats, page_xy: Floats, page: Page) -> Pixels:
-    """Colours of points as a photo shows them; `page_xy` is NaN on the table."""
+    """Colours of points as in a photo; `page_xy` is NaN on the table."""
     light = Light()
     sent = reflectance(SceneView(position[None], upward[None], page_xy[None]), page, light.gamma)[0]
     bright = irradiance(light, position, upward, np.ones(len(position)))

@@ -1,4 +1,4 @@
-"""Virtual devices: a depth camera, and a camera beside a projector, before a sheet of the gallery."""
+"""Virtual devices: a depth camera, and a camera with a projector, capturing a sheet of the gallery."""
 
 from __future__ import annotations
 
@@ -31,35 +31,35 @@ from planish.parallel import thread_pool
 from planish.types import Camera, Floats, Page, Pixels
 
 LENS = (-0.12, 0.10, 0.0006, -0.0004)
-"""Of the virtual cameras: a few pixels of barrel in the corners."""
+"""Distortion of the virtual cameras: a few pixels of barrel distortion in the corners."""
 
 PROJECTOR_LENS = (-0.05, 0.02, 0.0, 0.001)
 
 SUPERSAMPLING = 2
-"""A pixel of a virtual camera gathers the light of so many by so many places."""
+"""Samples per pixel in each direction."""
 
 BLUR_PX = 0.5
-"""Standard deviation of the virtual camera's lens blur, in its pixels."""
+"""Standard deviation of the lens blur."""
 
 SMALL_RIG = (512, 640), (400, 640)
-"""Rows and columns of a camera and a projector with half the pixels each way."""
+"""Rows and columns of a camera and a projector with half the resolution."""
 
 AMBIENT = 0.06
-"""Light of the room against the projector's white."""
+"""Ambient light relative to the projector's white."""
 
 
 @dataclass(frozen=True, eq=False)
 class DepthCapture:
-    """What a depth camera delivers, and the truth.
+    """Output of a depth camera, with the ground truth.
 
     Attributes
     ----------
     frames : list of (rows, cols) float64 [mm]
-        Depth along the camera's axis in whole millimetres; 0 where there is none.
+        Depth along the optical axis in whole millimetres; 0 where missing.
     camera, photo_camera : Camera
     photo : (h, w, 3) uint8
     page : Page
-        What is printed on the sheet.
+        The print on the sheet.
     """
 
     frames: list[Floats]
@@ -79,11 +79,11 @@ def depth_capture(
     printed: Page | None = None,
     rng: np.random.Generator | int = 0,
 ) -> DepthCapture:
-    """Film a sheet with a depth camera, and take a photo with the colour camera 25 mm beside it.
+    """Capture a sheet with a depth camera, and a photo with a colour camera 25 mm beside it.
 
-    The noise is normal, grows with the square of the depth (`noise_mm` is that at the table) and is new in every
-    frame; depths come in whole millimetres. At edges a pixel gathers both what is near and what is far, so that it
-    hangs between them; 0.5 % of the pixels see nothing.
+    The noise is Gaussian, proportional to the square of the depth (`noise_mm` holds at the table), and independent
+    between frames; depths are rounded to whole millimetres. Pixels at edges average near and far (flying pixels);
+    0.5 % of the pixels are missing.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ def _depth_at(seen: SceneView, camera: Camera) -> Floats:
 
 
 def _width_to_see(sheet: Sheet, shape_rc: tuple[int, int]) -> float:
-    """Width of the field of view that holds the whole sheet."""
+    """Width of a field of view that contains the whole sheet."""
     rows, cols = shape_rc
     return max(sheet.width_mm, sheet.height_mm * cols / rows)
 
@@ -138,7 +138,7 @@ def _width_to_see(sheet: Sheet, shape_rc: tuple[int, int]) -> float:
 def projector_rig(
     sheet: Sheet, camera_rc: tuple[int, int] = (1024, 1280), projector_rc: tuple[int, int] = (800, 1280)
 ) -> tuple[Camera, Camera]:
-    """Place a camera over a sheet and a projector 220 mm to its left, both with lenses; the table is the world.
+    """Place a camera above a sheet and a projector 220 mm to its left, both with distortion; the table is the world.
 
     Returns
     -------
@@ -156,9 +156,9 @@ class PatternCapture:
     Attributes
     ----------
     frames : (n, rows, cols) uint8
-        Grey, in linear light, as a camera of the machine vision kind delivers them.
+        Grey, in linear light, like those of a machine vision camera.
     photo : (rows, cols, 3) uint8
-        In colour, under white.
+        Colour photo under white.
     """
 
     frames: NDArray[np.uint8]
@@ -176,20 +176,20 @@ def structured_light(
     exposure: float = 0.85,
     rng: np.random.Generator | int = 0,
 ) -> PatternCapture:
-    """Take a photo of a sheet under each of a projector's patterns.
+    """Render a photo of a sheet under each projector pattern.
 
     Parameters
     ----------
     sheet : Sheet
     camera, projector : Camera
     patterns : iterable of (rows, cols) uint8
-        Of the projector's size.
+        Of the projector's resolution.
     page : Page
-        What is printed on the sheet.
+        The print on the sheet.
     noise : float
-        Standard deviation of the sensor's noise, in levels of 255.
+        Standard deviation of sensor noise, in levels of 255.
     exposure : float
-        Value, 0 to 1, of the brightest paper under white; over 1 the photos are clipped there.
+        Value, 0 to 1, of the brightest paper under white; above 1 the photos are overexposed.
     rng : numpy.random.Generator or int
     """
     rng = np.random.default_rng(rng)
@@ -218,7 +218,7 @@ def structured_light(
 def _light_from(
     projector: Camera, sheet: Sheet, seen: SceneView, at: NDArray[np.float32], exposure: float
 ) -> NDArray[np.float32]:
-    """Light that full white of a projector throws on what each pixel sees; `exposure` on the brightest paper."""
+    """Irradiance of full projector white at each pixel; `exposure` on the brightest paper."""
     to_lamp = -projector.rotation.T @ projector.translation - seen.points
     distance = np.linalg.norm(to_lamp, axis=-1)
     incident = np.clip((to_lamp * seen.normals).sum(axis=-1) / distance, 0, None) / distance**2
@@ -229,7 +229,7 @@ def _light_from(
 
 @njit(cache=True, nogil=True)
 def _expose(first, last, pattern, at, light, ambient, reflected, levels):  # type: ignore[no-untyped-def]
-    """Light, 0 to 1, that pixels receive in the mean of their places; the pattern is linear between its pixels."""
+    """Mean light, 0 to 1, over the samples of each pixel; the pattern is interpolated bilinearly."""
     rows, cols = pattern.shape
     for r in range(first, last):
         for q in range(levels.shape[1]):
@@ -251,18 +251,18 @@ def _expose(first, last, pattern, at, light, ambient, reflected, levels):  # typ
 def posed_board(
     pixels: NDArray[np.uint8], square_px: int, square_mm: float, turn: Floats, middle: Floats
 ) -> tuple[Sheet, Page]:
-    """Hold a stiff flat board over the table.
+    """Pose a rigid flat board above the table.
 
     Parameters
     ----------
     pixels : (rows, cols) uint8
-        Its print.
+        Print of the board.
     square_px, square_mm : int, float
-        That so many pixels are so many millimetres.
+        Scale: so many pixels are so many millimetres.
     turn : (3,) float64 [rad]
-        Rotation vector, from the board lying with its top away from the viewer.
+        Rotation vector from the lying board, its top away from the viewer.
     middle : (3,) float64 [mm]
-        Place of its middle.
+        Position of its centre.
     """
     size = np.array([pixels.shape[1], pixels.shape[0]]) * square_mm / square_px
     rotation = Rotation.from_rotvec(turn).as_matrix()
@@ -276,7 +276,7 @@ def posed_board(
 
 
 def board_poses(count: int, rng: np.random.Generator | int = 0) -> Iterator[tuple[Floats, Floats]]:
-    """Ways to hold a board of about 175 x 125 mm before the virtual rig: tilted to all sides, here and there.
+    """Generate poses of a board of about 175 x 125 mm in front of the virtual rig, tilted to all sides.
 
     Yields
     ------

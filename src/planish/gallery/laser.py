@@ -1,7 +1,7 @@
-"""A virtual laser scanner: a line swept over a bent sheet, photo by photo, with ink, grain and speckle.
+"""Virtual laser scanner: a line swept over a curved sheet, photo by photo, with print, noise and speckle.
 
-The sheet lies on black cloth, which sends no laser light back. Photos are sRGB. Each photo pixel is the mean of
-2 x 2 places, so an edge of ink inside the pixel acts on the line as in a real camera.
+The sheet lies on black cloth that reflects no laser light. Photos are sRGB. Each pixel is the mean of 2 x 2 samples,
+so ink edges within a pixel affect the line as in a real camera.
 """
 
 from __future__ import annotations
@@ -32,25 +32,25 @@ from planish.parallel import thread_pool
 from planish.types import Camera, Floats, Page
 
 MIRROR_MM = (-380.0, 0.0, 420.0)
-"""Where the laser's light comes from: 40 degrees to the left of the camera."""
+"""Position of the laser source: 40 degrees to the left of the camera."""
 
 ROOM = Light(exposure=0.35, shadows=False)
-"""Dim enough to leave room for the laser's light."""
+"""Ambient light, dim enough to leave range for the laser."""
 
 LASER_COLOUR = np.array([0.05, 1.0, 0.08])
-"""Of a green laser, as the camera sees it: red, green, blue."""
+"""Camera response to a green laser: red, green, blue."""
 
 SUPERSAMPLING = 2
-"""Places across a photo pixel."""
+"""Samples per pixel in each direction."""
 
 CELL_MM = 1.0
 FLAT_MM = 0.002
-"""A face with less sagitta is drawn as flat: 1/50 of what the scanner is held to."""
+"""Faces with less sagitta are rendered as flat: 1/50 of the accuracy tested."""
 
 
 @dataclass(frozen=True, eq=False)
 class VirtualSweep:
-    """Photos of a sheet under a laser line, and the truth about it.
+    """Photos of a sheet under a laser line, with the ground truth.
 
     Attributes
     ----------
@@ -59,12 +59,12 @@ class VirtualSweep:
     planes : (frames, lines, 4) float64
         a x + b y + c z + d = 0 [mm], (a, b, c) of length 1.
     frame : callable
-        Number of the frame -> photo (rows, cols, 3) uint8 with the laser on.
+        Index of the frame -> photo (rows, cols, 3) uint8 with the laser on.
     camera : Camera
     sheet : Sheet
     page : Page
     text : str
-        What is printed.
+        Printed text.
     """
 
     photo: NDArray[np.uint8]
@@ -78,7 +78,7 @@ class VirtualSweep:
 
 @dataclass(frozen=True, eq=False)
 class _Scene:
-    """What the camera sees at 2 x 2 places a pixel: the sheet's points, room light and what laser light sends back."""
+    """Samples of the scene, 2 x 2 per pixel: points, ambient light, and ratio of laser to ambient light."""
 
     points: NDArray[np.float32]
     room: NDArray[np.float32]
@@ -98,7 +98,7 @@ def virtual_sweep(
     camera: Camera | None = None,
     rng: np.random.Generator | int = 0,
 ) -> VirtualSweep:
-    """Sweep a laser line over a sheet from left to right by a turning mirror.
+    """Sweep a laser line over a sheet from left to right by a rotating mirror.
 
     Parameters
     ----------
@@ -107,17 +107,17 @@ def virtual_sweep(
     photo_px : (int, int)
         Long and short side.
     line_mm : float
-        Standard deviation of the light across the line.
+        Standard deviation of the line's Gaussian profile.
     strength : float
-        Linear value that the line has on white paper turned towards it; over about 0.7 it is clipped.
+        Linear value of the line on white paper facing the laser; above about 0.7 it saturates.
     speckle : float
-        Contrast of the grain that laser light has on rough paper, at each place of a photo.
+        Contrast of laser speckle at each sample.
     grain : float
-        Standard deviation of the sensor's noise, in levels of 255.
+        Standard deviation of sensor noise, in levels of 255.
     printed : (Page, str), optional
         The print and its text. By default `typeset_sheet(sheet)`.
     camera : Camera, optional
-        By default one that stands over the sheet.
+        By default above the sheet.
     rng : numpy.random.Generator or int
 
     Examples
@@ -145,10 +145,10 @@ def virtual_lines(
     camera: Camera | None = None,
     rng: np.random.Generator | int = 0,
 ) -> VirtualSweep:
-    """Lay two fixed laser lines across a book, as a cheap book scanner does: one frame with both.
+    """Project two fixed laser lines across a book, like a simple book scanner: one frame with both.
 
-    The lasers stand above the head and below the foot of the page; their lines part as the paper rises. Parameters as
-    for `virtual_sweep`.
+    The lasers are above the head and below the foot of the page; their lines diverge as the paper rises. Parameters
+    as for `virtual_sweep`.
 
     Examples
     --------
@@ -173,26 +173,26 @@ def laser_on_sheet(
     line_mm: float = 0.35,
     rng: np.random.Generator | int = 0,
 ) -> VirtualSweep:
-    """Lay the line of `virtual_sweep`'s laser over a sheet, in given planes (frames, 1, 4)."""
+    """Project the laser line of `virtual_sweep` onto a sheet, in given planes (frames, 1, 4)."""
     return _capture(sheet, planes, (MIRROR_MM,), camera.shape_rc, (line_mm, 1.0, 0.1, 1.0), printed, camera, rng)
 
 
 def mirror_angle_deg(planes: Floats) -> Floats:
-    """Angles (n,) [degrees] by which `virtual_sweep`'s mirror has turned planes (n, 4), from that through x = 0."""
+    """Rotation angles (n,) [degrees] of planes (n, 4) of `virtual_sweep`, from the plane through x = 0."""
     first = plane_through(MIRROR_MM, (0.0, 0.0, 0.0))[:3]
     return np.asarray(np.degrees(np.arctan2(np.cross(first, planes[:, :3])[:, 1], planes[:, :3] @ first)))
 
 
 def squared_paper(sheet: Sheet, square_mm: float = 8.0) -> tuple[Page, str]:
-    """Squared paper of a sheet's size, lines half a millimetre wide, to be given as `printed`."""
-    dots = 6  # a millimetre
+    """Squared paper of a sheet's size, lines half a millimetre wide, for use as `printed`."""
+    dots = 6  # per millimetre
     row, col = np.mgrid[: round(sheet.height_mm * dots), : round(sheet.width_mm * dots)]
     line = np.minimum(row % (square_mm * dots), col % (square_mm * dots)) < dots / 2
     return Page(np.where(line, 60, 255).astype(np.uint8), np.ones(row.shape, bool), MM_PER_INCH * dots), ""
 
 
 def plane_through(source: Sequence[float], foot: Sequence[float], along: Sequence[float] = (0.0, 1.0, 0.0)) -> Floats:
-    """Plane (4,) through a laser, a place that its line hits, and the line's direction there."""
+    """Plane (4,) through a laser source, a point of its line, and the line's direction there."""
     normal = np.cross(np.subtract(foot, source), along)
     normal = normal / np.linalg.norm(normal)
     return np.array([*normal, -normal @ np.asarray(source)])
@@ -208,7 +208,7 @@ def _capture(
     camera: Camera | None,
     rng: np.random.Generator | int,
 ) -> VirtualSweep:
-    """The laser-off photo, and a function that takes the others; each has noise of its own, the same every time."""
+    """Render the laser-off photo, and return a function for the others; noise per photo is reproducible."""
     page, text = typeset_sheet(sheet) if printed is None else printed
     camera = overhead_camera(sheet, photo_px) if camera is None else camera
     scene = _scene(sheet, page, camera, sources)
@@ -232,7 +232,7 @@ def _capture(
 
 
 def _scene(sheet: Sheet, page: Page, camera: Camera, sources: Sequence[Sequence[float]]) -> _Scene:
-    """The sheet at 2 x 2 places of every photo pixel."""
+    """Sample the sheet at 2 x 2 positions per pixel."""
     lens = camera.matrix.copy()
     lens[:2] *= SUPERSAMPLING
     lens[:2, 2] += (SUPERSAMPLING - 1) / 2
@@ -256,14 +256,12 @@ def _scene(sheet: Sheet, page: Page, camera: Camera, sources: Sequence[Sequence[
     laser_light = interpolate_to_pixels(face, weights, mesh.faces, lamps)
     above = irradiance(ROOM, mesh.points, upward, np.ones(len(upward)))
     ambient_light = interpolate_to_pixels(face, weights, mesh.faces, (above * ROOM.exposure / above.max())[:, None])
-    laser_ratio = np.nan_to_num(laser_light / ambient_light).astype(
-        np.float32
-    )  # times the room's light: what the laser sends back
+    laser_ratio = np.nan_to_num(laser_light / ambient_light).astype(np.float32)  # relative to ambient light
     return _Scene(points, room_light, laser_ratio)
 
 
 def _laser_irradiance(mesh: FineMesh, upward: Floats, source: Sequence[float]) -> Floats:
-    """Cosine at which the laser's light falls on each point, 0 in shadow."""
+    """Cosine of the laser's incidence at each point, 0 in shadow."""
     lamp = Light(position_mm=(source[0], source[1], source[2]))
     way = np.asarray(source) - mesh.points
     cosine = np.einsum("ij,ij->i", upward, way) / np.linalg.norm(way, axis=1)
@@ -272,7 +270,7 @@ def _laser_irradiance(mesh: FineMesh, upward: Floats, source: Sequence[float]) -
 
 @njit(cache=True, nogil=True)
 def _expose(first, last, points, room, laser_ratio, planes, sharpness, colour, pattern, seed, light):  # type: ignore[no-untyped-def]
-    """Mean light of FINER x FINER places: room (1 + laser exp(-distance^2 / 2 sd^2) speckle)."""
+    """Mean light over the samples of each pixel: ambient (1 + laser exp(-distance^2 / 2 sd^2) speckle)."""
     for i in range(first, last):
         for j in range(light.shape[1]):
             for c in range(3):
@@ -298,7 +296,7 @@ def _expose(first, last, points, room, laser_ratio, planes, sharpness, colour, p
 
 
 def ground_truth(sweep: VirtualSweep, photo_xy: Floats) -> tuple[Floats, Floats]:
-    """What the camera truly sees at places of the photo.
+    """Ground truth at photo positions.
 
     Parameters
     ----------
@@ -308,7 +306,7 @@ def ground_truth(sweep: VirtualSweep, photo_xy: Floats) -> tuple[Floats, Floats]
     Returns
     -------
     page_xy : (n, 2) float64 [mm]
-        Place on the flat page; NaN beside the sheet.
+        Position on the flat page; NaN outside of the sheet.
     points : (n, 3) float64 [mm]
     """
     mesh = fine_mesh(sweep.sheet, CELL_MM)

@@ -1,4 +1,4 @@
-"""The lamp over the table: how brightly it lights each point of the sheet, and what lies in shadow."""
+"""Near point light above the table: irradiance and cast shadows."""
 
 from __future__ import annotations
 
@@ -10,29 +10,28 @@ from planish.mesh import rasterize
 from planish.types import Floats, Ints
 
 SHADOW_PX = 1200
-"""Side of the square picture of the scene as the lamp sees it: 0.3 mm a pixel on the table."""
+"""Side of the square shadow map: 0.3 mm per pixel on the table."""
 
 SHADOW_MM = 0.5
-"""A point this much farther from the lamp than what the lamp sees is in shadow. More by so much on slopes, which
-cross their own picture in the pixels beside them: without it they show grain."""
+"""Depth bias of the shadow map, larger on slopes to avoid self-shadowing."""
 
 
 @dataclass(frozen=True)
 class Light:
-    """A small lamp near the table and light from all around.
+    """A near point light and ambient light.
 
     Attributes
     ----------
     position_mm : (float, float, float)
-        Of the lamp.
+        Position of the lamp.
     ambient : float
-        Light from all around, against the lamp's on the table below it.
+        Ambient light, relative to the lamp's irradiance on the table below it.
     exposure : float
-        Linear value, 0 to 1, of white paper where it is brightest; over 1 the photo is clipped there.
+        Linear value, 0 to 1, of the brightest white paper; above 1 the photo is overexposed.
     gamma : float
-        Pixel values are 255 times the linear value to the power of 1 / gamma.
+        Pixel values are 255 linear^(1 / gamma).
     shadows : bool
-        Whether the sheet throws shadows on the table and on itself.
+        Whether the sheet casts shadows on the table and on itself.
     """
 
     position_mm: tuple[float, float, float] = (170.0, -150.0, 480.0)
@@ -43,14 +42,14 @@ class Light:
 
 
 def irradiance(light: Light, points: Floats, normals: Floats, lit: Floats) -> Floats:
-    """Light that falls on each point: ambient + lit (n.l) (h / d)^2, with h the lamp's height and d its distance.
+    """Irradiance at each point: ambient + lit (n.l) (h / d)^2, with h the lamp's height and d its distance.
 
     Parameters
     ----------
     light : Light
     points, normals : (n, 3) float64
     lit : (n,) float64
-        Share of the lamp that each point sees, from `visibility`.
+        Visible share of the lamp, from `visibility`.
     """
     way = np.asarray(light.position_mm) - points
     distance = np.linalg.norm(way, axis=1)
@@ -59,10 +58,9 @@ def irradiance(light: Light, points: Floats, normals: Floats, lit: Floats) -> Fl
 
 
 def visibility(light: Light, points: Floats, normals: Floats, faces: Ints) -> Floats:
-    """Share of the lamp that each point of a scene sees: 1 in full light, 0 in shadow, between at a shadow's edge.
+    """Visible share of the lamp at each point of a scene: 1 in full light, 0 in shadow, between at shadow edges.
 
-    The scene is drawn as the lamp sees it, and each point is compared with what was drawn in nine pixels around it
-    (a shadow map: Williams 1978).
+    Shadow map (Williams 1978) with 3 x 3 percentage-closer filtering.
     """
     if not light.shadows:
         return np.ones(len(points))

@@ -1,4 +1,4 @@
-"""Triangle meshes of the known sheets, as scanners and mesh programs deliver them, without a photo."""
+"""Triangle meshes of the known sheets, like those of scanners and mesh programs, without a photo."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ Layout = Literal["range", "grid", "delaunay"]
 Segment = tuple[tuple[float, float], tuple[float, float]]
 
 SCANNER_MM = np.array([3.0, -2.0, 650.0])
-"""Where the range scanner of the gallery stands, over the table's origin."""
+"""Position of the gallery's range scanner above the table's origin."""
 
 TURN_DEG = 7.0
-"""Of the pixels of layout "range" against the sheet, so that its border runs in steps as a scan's does."""
+"""Rotation of the pixel grid of layout "range" against the sheet, so that its border is stepped like that of a scan."""
 
 
 def _ring(at: Floats) -> Bools:
@@ -36,7 +36,7 @@ OUTLINES: dict[str, Callable[[Floats], Bools]] = {
     "ring": _ring,
     "comb": lambda at: (at[:, 0] < 0.15) | (np.floor(at[:, 1] * 15) % 2 == 0),
 }
-"""Slender shapes to cut from a sheet: (k, 2) places, 0 to 1 both ways -> which belong to it."""
+"""Slender outlines: (k, 2) positions, 0 to 1 in both directions -> inside or not."""
 
 
 def sheet_mesh(
@@ -79,7 +79,7 @@ def sheet_mesh(
     -------
     mesh : Mesh
     truth_xy : (n, 2) float64 [mm]
-        Where every point of the mesh lies on the flat page.
+        Position of every point on the flat page.
 
     Examples
     --------
@@ -151,7 +151,7 @@ _LAYOUTS = {"range": _range_layout, "grid": _grid_layout, "delaunay": _delaunay_
 def _regions(
     outline: str | Callable[[Floats], Bools] | None, holes: int, rng: np.random.Generator
 ) -> list[Callable[[Floats], Bools]]:
-    """Collect the shapes that bound a sheet, each a function of places from 0 to 1."""
+    """Collect the regions that bound a sheet, each a function of positions from 0 to 1."""
     regions: list[Callable[[Floats], Bools]] = []
     if callable(outline):
         regions.append(outline)
@@ -171,7 +171,7 @@ def _regions(
 
 
 def _cut_by(corners: Floats, cut: Floats) -> Bools:
-    """Which triangles, (m, 3, 2), a segment, (2, 2), runs through."""
+    """Which triangles (m, 3, 2) are cut by a segment (2, 2)."""
     along = (cut[1] - cut[0]) / np.linalg.norm(cut[1] - cut[0])
     from_start = corners - cut[0]
     offset = from_start @ [-along[1], along[0]]

@@ -1,4 +1,4 @@
-"""The photo of a printed sheet on a table: near light, perspective, area sampling of the print."""
+"""Render the photo of a printed sheet on a table: near light, perspective, area sampling of the print."""
 
 from __future__ import annotations
 
@@ -23,24 +23,24 @@ from planish.parallel import thread_pool
 from planish.types import Bools, Camera, Floats, Ints, Page
 
 PAPER = np.array([1.0, 0.985, 0.94])
-"""Reflectance of blank paper, red green blue, against that of the whitest."""
+"""Relative reflectance of blank paper: red, green, blue."""
 
 INK = 0.035
-"""Of the paper's light, what solid black ink sends back."""
+"""Reflectance of solid black ink, relative to paper."""
 
 TABLE = np.array([0.034, 0.035, 0.038])
 """Reflectance of the table."""
 
 TABLE_CELL_MM = 1.5
 TABLE_DEPTH_MM = 0.1
-"""The table lies this little below z = 0, so that it never shows through the sheet."""
+"""Depth of the table below z = 0, which keeps it behind the sheet."""
 
 FLAT_MM = 0.01
 FLAT_RAD = 0.06
-"""Faces with less sagitta, a tenth of a pixel, and less turn between their corners are drawn as flat."""
+"""Faces with less sagitta (a tenth of a pixel) and less variation of normals are rendered as flat."""
 
 BAND = 512
-"""Rows of the photo developed at a time."""
+"""Photo rows rendered at a time."""
 
 
 def photograph(
@@ -52,18 +52,18 @@ def photograph(
     grain: float,
     rng: np.random.Generator,
 ) -> NDArray[np.uint8]:
-    """Take a photo of the sheet.
+    """Render a photo of the sheet.
 
     Parameters
     ----------
     sheet, mesh : Sheet, FineMesh
     page : Page
-        What is printed on it; uint8, grey or colour.
+        The print; uint8, grey or colour.
     camera : Camera
-        Its `shape_rc` is the photo's.
+        Its `shape_rc` is the size of the photo.
     light : Light
     grain : float
-        Standard deviation of the sensor's noise, in levels of 255.
+        Standard deviation of sensor noise, in levels of 255.
     rng : numpy.random.Generator
 
     Returns
@@ -110,9 +110,9 @@ def _brightness(
     curved: tuple[NDArray[np.int64], NDArray[np.int64]],
     curved_xy: Floats,
 ) -> Floats:
-    """Light that falls on what each pixel shows, 1 on the brightest paper before exposure; (rows, cols).
+    """Irradiance at each pixel (rows, cols), scaled so that the brightest paper has the exposure.
 
-    Computed at the points of the scene, and at once for each pixel of faces that are not flat: creases stay sharp.
+    Interpolated between vertices, but evaluated per pixel on curved faces, so that creases stay sharp.
     """
     on_sheet = len(upward)
     all_normals = np.concatenate([upward, np.tile([0.0, 0.0, 1.0], (len(points) - on_sheet, 1))])
@@ -135,7 +135,7 @@ def _brightness(
 
 
 def _normal_spread(upward: Floats, faces: Ints) -> Floats:
-    """Greatest angle between the normals at the corners of each face [rad]."""
+    """Largest angle between the vertex normals of each face [rad]."""
     corners = upward[faces]
     cosines = np.einsum("mkd,mkd->mk", corners, np.roll(corners, 1, axis=1)).min(axis=1)
     angle: Floats = np.arccos(np.clip(cosines, -1, 1))
@@ -143,9 +143,9 @@ def _normal_spread(upward: Floats, faces: Ints) -> Floats:
 
 
 def _table(camera: Camera, first: int) -> tuple[Floats, Ints]:
-    """Lay a grid over the part of the table that the camera sees; its faces count points from `first`."""
+    """Grid over the visible part of the table; its faces index points from `first`."""
     rows, cols = camera.shape_rc
-    reach = 0.1 * max(rows, cols) if np.any(camera.distortion) else 1.0  # a lens sees farther than its pinhole
+    reach = 0.1 * max(rows, cols) if np.any(camera.distortion) else 1.0  # distortion widens the field of view
     low, right, bottom = -reach, cols - 1 + reach, rows - 1 + reach
     corners = np.array([[low, low, 1], [right, low, 1], [low, bottom, 1], [right, bottom, 1]], float)
     rays = corners @ np.linalg.inv(camera.matrix).T @ camera.rotation
@@ -161,7 +161,7 @@ def _table(camera: Camera, first: int) -> tuple[Floats, Ints]:
 
 @njit(cache=True, nogil=True)
 def _render_rows(begin, end, top, face, page_xy, bright, front, slopes, print_, reflect, density, size, linear):  # type: ignore[no-untyped-def]
-    """Fill in the linear light (rows, cols, 3) that the photo receives from its row `top` on."""
+    """Render linear light (rows, cols, 3) of the photo from row `top` on."""
     cols = face.shape[1]
     for r in range(top + begin, top + end):
         sample = np.empty(3)
@@ -184,7 +184,7 @@ def _render_rows(begin, end, top, face, page_xy, bright, front, slopes, print_, 
 
 @njit(cache=True)
 def _printed_side(r, q, face, front):  # type: ignore[no-untyped-def]
-    """Face of the printed side at a pixel, or at the neighbour of one on the table beside it: face, drow, dcol."""
+    """Face of the printed side at a pixel, or at a neighbour of a table pixel at its border: face, drow, dcol."""
     if face[r, q] < len(front):
         return (face[r, q] if front[face[r, q]] else -1), 0, 0
     for dr, dq in ((0, -1), (0, 1), (-1, 0), (1, 0)):
@@ -197,7 +197,7 @@ def _printed_side(r, q, face, front):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _area_sample(x, y, j, print_, reflect, density, size, sample):  # type: ignore[no-untyped-def]
-    """Mean reflectance over the pixel's footprint on the page, at least 2 x 2 samples and one for each print pixel."""
+    """Mean reflectance over the pixel's footprint on the page, at least 2 x 2 samples and one per print pixel."""
     across = min(8, max(2, int(np.ceil(density * np.hypot(j[0, 0], j[1, 0])))))
     down = min(8, max(2, int(np.ceil(density * np.hypot(j[0, 1], j[1, 1])))))
     sample[:] = 0.0
@@ -214,7 +214,7 @@ def _area_sample(x, y, j, print_, reflect, density, size, sample):  # type: igno
 
 @njit(cache=True)
 def _add_print(x, y, print_, reflect, sample):  # type: ignore[no-untyped-def]
-    """Bilinear sample of the print, in linear light."""
+    """Add a bilinear sample of the print in linear light."""
     rows, cols = print_.shape[0], print_.shape[1]
     x, y = min(max(x, 0.0), cols - 1.0), min(max(y, 0.0), rows - 1.0)
     q, r = min(int(x), cols - 2), min(int(y), rows - 2)

@@ -1,4 +1,4 @@
-"""What a pinhole above a bent sheet sees: which place of the page lies behind each pixel."""
+"""Exact page position behind each pixel of a camera above a curved sheet."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from planish.parallel import thread_pool
 from planish.types import Bools, Camera, Floats, Ints
 
 NEWTON_STEPS = 4
-"""Each divides the error by 20 on a curve of 10 mm radius; creases need the more."""
+"""Newton iterations; each divides the error by 20 at a radius of 10 mm, creases need more."""
 
 CLOSE_PX = 1e-3
-"""So close to the pixel's centre a place is good; it is exactly on the sheet in any case."""
+"""Convergence threshold: distance from the pixel centre. Positions are exactly on the sheet in any case."""
 
 
 @dataclass(frozen=True, eq=False)
 class FineMesh:
-    """A sheet as a dense grid, to be drawn.
+    """A dense grid mesh of a sheet for rendering.
 
     Attributes
     ----------
@@ -33,7 +33,7 @@ class FineMesh:
     faces : (m, 3) int32
         Counter-clockwise seen from the printed side.
     sagitta_mm : (m,) float64
-        Greatest distance of the bent sheet from the middles of the face's edges.
+        Largest distance of the sheet from the edge midpoints of each face.
     cell_mm : float
     """
 
@@ -45,9 +45,9 @@ class FineMesh:
 
 
 def fine_mesh(sheet: Sheet, cell_mm: float) -> FineMesh:
-    """Cut a sheet into a grid of triangles and find out how far each is from flat.
+    """Mesh a sheet by a regular grid and measure the sagitta of each face.
 
-    The sheet is bent at every half cell; what falls between the corners of a face shows its sagitta.
+    The sheet is evaluated at every half cell; midpoints of edges give the sagitta.
     """
     cols, rows = (1 + int(np.ceil(n / cell_mm)) for n in (sheet.width_mm, sheet.height_mm))
     x, y = np.linspace(0, sheet.width_mm, 2 * cols - 1), np.linspace(0, sheet.height_mm, 2 * rows - 1)
@@ -71,14 +71,14 @@ def fine_mesh(sheet: Sheet, cell_mm: float) -> FineMesh:
 
 
 def project(camera: Camera, points: Floats, zoom: float = 1.0) -> tuple[Floats, Floats]:
-    """Find where points fall on the photo, or on a larger or smaller image of the same view, and how far away they are.
+    """Project points onto the photo, or a scaled image of the same view; also return their depth.
 
     Parameters
     ----------
     camera : Camera
     points : (n, 3) float64 [mm]
     zoom : float
-        Pixels of the wanted image per pixel of the photo; pixel centres stay at integers.
+        Pixels of the image per photo pixel; pixel centres stay at integers.
 
     Returns
     -------
@@ -94,15 +94,15 @@ def project(camera: Camera, points: Floats, zoom: float = 1.0) -> tuple[Floats, 
 def rasterize_front(
     mesh: FineMesh, camera: Camera, shape_rc: tuple[int, int], zoom: float
 ) -> tuple[Ints, NDArray[np.float32]]:
-    """Draw the printed side: face and weights of each pixel as from `rasterize`; -1 also where the back is seen."""
+    """Rasterize the printed side: face and weights per pixel as from `rasterize`; -1 also where the back is visible."""
     pixel_xy, depth = project(camera, mesh.points, zoom)
     face, weights = rasterize(pixel_xy, mesh.faces, shape_rc, nearness=1 / depth, perspective=True)
-    front = np.append(front_facing(pixel_xy, mesh.faces), False)  # the last stands for no face
+    front = np.append(front_facing(pixel_xy, mesh.faces), False)  # the last entry is for "no face"
     return np.where(front[face], face, np.int32(-1)), weights
 
 
 def front_facing(pixel_xy: Floats, faces: Ints) -> Bools:
-    """Which faces show the camera their printed side."""
+    """Which faces show their printed side to the camera."""
     a, b, c = (pixel_xy[faces[:, k]] for k in range(3))
     u, v = b - a, c - a
     front: Bools = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0] < 0  # y is down, so counter-clockwise has area < 0
@@ -110,8 +110,8 @@ def front_facing(pixel_xy: Floats, faces: Ints) -> Bools:
 
 
 def pixels_showing(face: Ints, which: Bools) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Rows and columns of the pixels that show one of the faces `which` (m,); later faces belong to something else."""
-    chosen = np.append(which, False)  # the last stands for no face and for later ones
+    """Rows and columns of pixels that show one of the faces `which` (m,); later faces are not of the sheet."""
+    chosen = np.append(which, False)  # the last entry is for "no face" and for later ones
     rows, cols = np.nonzero(chosen[np.where(face < len(which), face, -1)])
     return rows, cols
 
@@ -119,20 +119,20 @@ def pixels_showing(face: Ints, which: Bools) -> tuple[NDArray[np.int64], NDArray
 def refine_page_xy(
     sheet: Sheet, mesh: FineMesh, camera: Camera, face: Ints, page_xy: Floats, target_xy: Floats, zoom: float = 1.0
 ) -> Floats:
-    """Move places that were read off flat faces to where the bent sheet itself falls on the pixels.
+    """Refine page positions interpolated on flat faces to the exact sheet.
 
-    Newton's method with the face's own slope: u <- u + (du/dp) (p - project(bend(u))).
+    Newton's method with the derivative of the face: u <- u + (du/dp) (p - project(bend(u))).
 
     Parameters
     ----------
     sheet, mesh, camera, zoom
         As for `project`.
     face : (k,) int32
-        Of the mesh, behind each pixel.
+        Face behind each pixel.
     page_xy : (k, 2) float64 [mm]
-        Place that the face gives.
+        Initial positions, from the face.
     target_xy : (k, 2) [px]
-        The pixel.
+        Pixel positions.
 
     Returns
     -------
@@ -156,7 +156,7 @@ def refine_page_xy(
 
 
 def page_per_pixel(pixel_xy: Floats, page_xy: Floats, faces: Ints) -> Floats:
-    """Slope d(page)/d(pixel) of each face, (m, 2, 2) [mm/px]; of a face seen edge-on it is 0."""
+    """Jacobian d(page)/d(pixel) of each face, (m, 2, 2) [mm/px]; 0 for faces seen edge-on."""
     a, b, c = faces.T
     pixel = np.stack([pixel_xy[b] - pixel_xy[a], pixel_xy[c] - pixel_xy[a]], axis=2)
     page = np.stack([page_xy[b] - page_xy[a], page_xy[c] - page_xy[a]], axis=2)
@@ -168,7 +168,7 @@ def page_per_pixel(pixel_xy: Floats, page_xy: Floats, faces: Ints) -> Floats:
 
 
 def interpolate_to_pixels(face: Ints, weights: NDArray[np.float32], faces: Ints, values: Floats) -> Floats:
-    """Carry values (n, d) at the points of a mesh to pixels: (rows, cols, d), NaN where none of `faces` is seen."""
+    """Interpolate vertex values (n, d) to pixels: (rows, cols, d), NaN where none of `faces` is visible."""
     result = np.full((*face.shape, values.shape[1]), np.nan)
     with thread_pool() as parallel_for:
         parallel_for(_interpolate, len(face), face, weights, faces, values, result, block=64)

@@ -1,4 +1,4 @@
-"""Plane curves with exact arc length, from the angle at which they run."""
+"""Plane curves with exact arc length from their slope angle."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ import numpy as np
 from planish.types import Floats
 
 PANEL_MM = 1.0
-"""Length of one stretch of quadrature."""
+"""Length of a quadrature panel."""
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(4)
-"""Exact to polynomials of degree 7: within 1e-11 mm a panel, even for an arc of half a millimetre's radius."""
+"""Gauss-Legendre rule, exact to degree 7: within 1e-11 mm per panel, even at a radius of half a millimetre."""
 
 
 def curve_of_angle(
     angle: Callable[[Floats], Floats], length_mm: float, creases: Sequence[float] = ()
 ) -> Callable[[Floats], Floats]:
-    """Integrate a slope angle into the curve that has it, C(s) = integral of (cos angle, sin angle) ds.
+    """Integrate a slope angle to a curve, C(s) = integral of (cos angle, sin angle) ds.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ def curve_of_angle(
     Returns
     -------
     callable
-        (k,) arc length [mm] -> (k, 2) horizontal place and height [mm]; goes on beyond both ends.
+        (k,) arc length [mm] -> (k, 2) horizontal position and height [mm]; extends beyond both ends.
 
     Examples
     --------

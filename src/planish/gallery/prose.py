@@ -1,4 +1,4 @@
-"""What the program prints on the pages of its gallery: its own words, in letters that every font has."""
+"""Text of the test pages. OCR baselines and tests depend on it, so its wording stays."""
 
 HEAD = "On paper that will not lie flat"
 

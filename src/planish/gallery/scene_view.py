@@ -1,4 +1,4 @@
-"""What each pixel of a device sees of a bent sheet on its table: the place in space, and the place on the page."""
+"""Ground truth per pixel of a camera above a sheet on a table: point, normal and page position; and reflectance."""
 
 from __future__ import annotations
 
@@ -28,30 +28,30 @@ from planish.types import Bools, Camera, Floats, Ints, Page
 TABLE_MM = 800.0
 TABLE_CELL_MM = 20.0
 TABLE_DEPTH_MM = 0.1
-"""The table reaches so far to each side, and lies this little below z = 0, so that it never shows through the sheet."""
+"""Half extent of the table, its grid, and its depth below z = 0, which keeps it behind the sheet."""
 
 FLAT_MM = 1e-3
-"""Faces that lie closer to the bent sheet are taken as they are; pixels on others are put right."""
+"""Faces with a smaller sagitta count as flat; pixels on others are refined."""
 
 CELL_MM = 1.0
-"""Of the grid that the sheet is drawn with."""
+"""Grid of the sheet's mesh."""
 
 SHADOW_MM = 0.4
-"""What lies this much farther from a light than what the light sees there is in shadow."""
+"""Depth tolerance of the shadow map."""
 
 
 @dataclass(frozen=True, eq=False)
 class SceneView:
-    """What the pixels of a device see.
+    """Scene geometry seen by the pixels of a camera.
 
     Attributes
     ----------
     points : (rows, cols, 3) float64 [mm]
-        In the world; NaN where there is neither sheet nor table.
+        World coordinates; NaN where there is neither sheet nor table.
     normals : (rows, cols, 3) float64
-        Unit normals (those of the sheet linear between points 1 mm apart) of what is seen, towards the viewer's side.
+        Unit normals towards the camera; on the sheet interpolated between points 1 mm apart.
     page_xy : (rows, cols, 2) float64 [mm]
-        Place on the page; NaN where the printed side is not seen.
+        Page position; NaN where the printed side is not visible.
     """
 
     points: Floats
@@ -66,9 +66,9 @@ def aim_camera(
     shape_rc: tuple[int, int],
     distortion: tuple[float, ...] = (),
 ) -> Camera:
-    """Place a camera or a projector: it looks from `eye` at `target`, and its columns cover `view_mm` there.
+    """Aim a camera or projector from `eye` at `target`, its image `view_mm` wide there.
 
-    Columns run along the table's x as far as the direction allows.
+    Image rows are parallel to the table's x axis as far as possible.
 
     Examples
     --------
@@ -89,7 +89,7 @@ def aim_camera(
 
 
 def supersampled_camera(camera: Camera, zoom: int) -> Camera:
-    """The same view in finer pixels: each is cut into zoom x zoom."""
+    """The same view with each pixel divided into zoom x zoom."""
     matrix = camera.matrix.copy()
     matrix[:2] *= zoom
     matrix[:2, 2] += (zoom - 1) / 2
@@ -98,7 +98,7 @@ def supersampled_camera(camera: Camera, zoom: int) -> Camera:
 
 
 def render_view(sheet: Sheet, camera: Camera) -> SceneView:
-    """Find what every pixel of a camera sees; on the sheet to a thousandth of a pixel, lens distortion and all."""
+    """Determine what every camera pixel sees, to a thousandth of a pixel on the sheet, including lens distortion."""
     mesh, points, faces = _scene(sheet)
     pixel_xy, depth = project(camera, points)
     face, weights = rasterize(pixel_xy, faces, camera.shape_rc, nearness=1 / depth, perspective=True)
@@ -119,7 +119,7 @@ def render_view(sheet: Sheet, camera: Camera) -> SceneView:
 
 
 def lit_mask(sheet: Sheet, lamp: Camera, points: Floats, lamp_xy: NDArray[np.float32]) -> Bools:
-    """Which points of a scene a projector's light reaches: not those in the shadow of the sheet.
+    """Which points of a scene are lit by a projector, not in the shadow of the sheet (shadow map).
 
     Parameters
     ----------
@@ -127,7 +127,7 @@ def lit_mask(sheet: Sheet, lamp: Camera, points: Floats, lamp_xy: NDArray[np.flo
     lamp : Camera
     points : (..., 3) float64 [mm]
     lamp_xy : (..., 2) float32 [px]
-        Where they lie on the projector.
+        Their projector pixels.
 
     Returns
     -------
@@ -156,7 +156,7 @@ def lit_mask(sheet: Sheet, lamp: Camera, points: Floats, lamp_xy: NDArray[np.flo
 
 
 def reflectance(seen: SceneView, page: Page, gamma: float = 2.2) -> Floats:
-    """Part of the light that what each pixel sees sends back: (rows, cols, 3), of print, blank paper or table."""
+    """Reflectance at each pixel, (rows, cols, 3): print, blank paper or table."""
     printed = page.pixels if page.pixels.ndim == 3 else np.repeat(page.pixels[..., None], 3, axis=2)
     known = np.isfinite(seen.page_xy[..., 0])
     reflected = np.where(np.isfinite(seen.points[..., :1]), TABLE, 0.0)
@@ -168,13 +168,13 @@ def reflectance(seen: SceneView, page: Page, gamma: float = 2.2) -> Floats:
 
 
 def bin_pixels(values: Floats, zoom: int) -> Floats:
-    """Means over zoom x zoom pixels: what a coarser sensor receives."""
+    """Mean over zoom x zoom pixels."""
     rows, cols = values.shape[0] // zoom, values.shape[1] // zoom
     return np.asarray(values.reshape(rows, zoom, cols, zoom, *values.shape[2:]).mean(axis=(1, 3)))
 
 
 def _scene(sheet: Sheet) -> tuple[FineMesh, Floats, Ints]:
-    """The sheet's grid, and points and faces of the sheet and the table under it."""
+    """Mesh of the sheet, and points and faces of sheet and table."""
     mesh = fine_mesh(sheet, CELL_MM)
     x = np.linspace(-TABLE_MM, TABLE_MM, 1 + round(2 * TABLE_MM / TABLE_CELL_MM))
     table = np.stack(np.meshgrid(x, x, [-TABLE_DEPTH_MM]), axis=-1).reshape(-1, 3)

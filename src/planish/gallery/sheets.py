@@ -1,6 +1,6 @@
-"""Sheets bent in exactly known ways: every one an isometry of the flat page, so the flat truth is known.
+"""Developable sheets with known flat shape: each is an exact isometry of the flat page.
 
-Curved sheets are cylinders over a curve with exact arc length; folded ones are put together from exact rotations and
+Curved sheets are cylinders over a curve with exact arc length; folded ones are composed of exact rotations and
 reflections.
 """
 
@@ -19,21 +19,21 @@ LETTER_MM = (215.9, 279.4)
 """Width and height of US letter paper."""
 
 RISE_MM = 25.0
-"""A book's leaf has lost all but 1/e of its steepness at this distance from the spine."""
+"""Distance from the gutter at which the slope of a book page has fallen to 1/e."""
 
 
 @dataclass(frozen=True, eq=False)
 class Sheet:
-    """A bent sheet of paper.
+    """A curved sheet of paper.
 
     Attributes
     ----------
     name : str
     width_mm, height_mm : float
-        Of the flat page.
+        Size of the flat page.
     bend : callable
-        (k, 2) place on the page [mm], x right, y down, origin top left -> (k, 3) place in space [mm], z up from the
-        table z = 0, printed side up. Lengths along the sheet are kept exactly. Defined a little beyond the page too.
+        (k, 2) page position [mm], x right, y down, origin top left -> (k, 3) point in space [mm], z up from the table
+        z = 0, printed side up. An isometry; also defined slightly beyond the page.
     """
 
     name: str
@@ -43,14 +43,14 @@ class Sheet:
 
 
 def sheet(name: str, **parameters: float | int | tuple[float, ...]) -> Sheet:
-    """Make one of the known sheets.
+    """Make a sheet of the gallery.
 
     Parameters
     ----------
     name : str
         One of `SHEETS`.
     **parameters
-        Of the function that makes it: `book`, `letter` and so on in this module. All take width_mm and height_mm.
+        Parameters of its function (`book`, `letter`, ... in this module). All take width_mm and height_mm.
 
     Examples
     --------
@@ -67,21 +67,21 @@ def sheet(name: str, **parameters: float | int | tuple[float, ...]) -> Sheet:
 
 
 def flat(width_mm: float = LETTER_MM[0], height_mm: float = LETTER_MM[1]) -> Sheet:
-    """Make a sheet that lies flat on the table."""
+    """Make a flat sheet."""
     return _cylinder("flat", width_mm, height_mm, np.zeros_like)
 
 
 def book(
     width_mm: float = LETTER_MM[0], height_mm: float = LETTER_MM[1], spine_deg: float = 65.0, dip_deg: float = 21.0
 ) -> Sheet:
-    """Make the right page of a thick bound book: it rises at `spine_deg` from the spine, then falls by `dip_deg`."""
+    """Make the right page of a thick book: it rises at `spine_deg` from the gutter, then falls by `dip_deg`."""
     return _cylinder("book", width_mm, height_mm, lambda s: _book_slope(s, spine_deg, dip_deg, width_mm))
 
 
 def spread(
     width_mm: float = 2 * 148.0, height_mm: float = 210.0, spine_deg: float = 118.0, dip_deg: float = 22.0
 ) -> Sheet:
-    """Make both pages of an open book, with a sharp valley at the spine where the normals turn by `spine_deg`."""
+    """Make both pages of an open book, with a sharp gutter where the normals turn by `spine_deg`."""
     middle = width_mm / 2
 
     def angle(s: Floats) -> Floats:
@@ -96,9 +96,9 @@ def letter(
     slopes_deg: tuple[float, float, float] = (-4.0, 42.0, -14.0),
     radius_mm: float = 0.0,
 ) -> Sheet:
-    """Make a letter that was folded in three and opened: its panels climb at `slopes_deg` from top to bottom.
+    """Make a letter folded in three and opened; its panels have `slopes_deg` from top to bottom.
 
-    With a `radius_mm` the folds are arcs of that radius, else they are sharp.
+    Folds are sharp, or arcs of `radius_mm`.
     """
     slopes = np.radians(slopes_deg)
     folds = height_mm * np.array([1, 2]) / 3
@@ -121,9 +121,9 @@ def curl(
     length_mm: float = 110.0,
     direction_deg: float = 45.0,
 ) -> Sheet:
-    """Make a sheet whose lower right corner curls up more and more, past the vertical at `turn_deg` above 90.
+    """Make a sheet with a curled lower right corner, overhanging if `turn_deg` exceeds 90.
 
-    The curl begins `length_mm` before the corner, measured along `direction_deg` (0 is right, 90 is down the page).
+    The curl begins `length_mm` before the corner, along `direction_deg` (0 is right, 90 is down the page).
     """
     start = _extent(width_mm, height_mm, direction_deg)[1] - length_mm
 
@@ -140,7 +140,7 @@ def wave(
     waves: float = 2.0,
     direction_deg: float = 12.0,
 ) -> Sheet:
-    """Make a sheet in even waves, as damp leaves it; `direction_deg` is theirs (0 is right, 90 is down the page)."""
+    """Make a sheet with sinusoidal waves along `direction_deg` (0 is right, 90 is down the page)."""
     length = _extent(width_mm, height_mm, direction_deg)[1]
 
     def angle(s: Floats) -> Floats:
@@ -152,10 +152,10 @@ def wave(
 def roll(
     width_mm: float = LETTER_MM[0], height_mm: float = LETTER_MM[1], turns: float = 2.0, pitch_mm: float = 6.0
 ) -> Sheet:
-    """Make a sheet rolled up with the print outside, its head outermost: `turns` turns that lie `pitch_mm` apart.
+    """Make a sheet rolled up with the print outside, its head outermost: `turns` turns at a distance of `pitch_mm`.
 
-    The profile is the involute of a circle, whose turns keep their distance: the radius falls by pitch / 2 pi with
-    every radian turned, r(a) = r0 - pitch a / 2 pi, so that s(a) = r0 a - pitch a^2 / 4 pi.
+    The profile is the involute of a circle: the radius decreases by pitch / 2 pi per radian, r(a) = r0 - pitch a / 2
+    pi, so s(a) = r0 a - pitch a^2 / 4 pi.
     """
     whole, shrink = 2 * np.pi * turns, pitch_mm / (2 * np.pi)
     radius = height_mm / whole + shrink * whole / 2
@@ -175,9 +175,9 @@ def miura(
     acute_deg: float = 72.0,
     fold_deg: float = 34.0,
 ) -> Sheet:
-    """Make a Miura fold of `cells` parallelograms across and down, with `acute_deg` their sharp angle.
+    """Make a Miura fold of `cells` parallelograms across and down, with acute angle `acute_deg`.
 
-    The parallelograms tilt by `fold_deg` out of the flat sheet. Places of the corners as in Schenk & Guest, "Geometry
+    The parallelograms are tilted by `fold_deg`. Vertices as in Schenk & Guest, "Geometry
     of Miura-folded metamaterials", PNAS 110 (2013), eq. 1 to 4.
     """
     gamma, theta = np.radians(acute_deg), np.radians(fold_deg)
@@ -204,11 +204,11 @@ def crumpled(
     steepest_deg: float = 50.0,
     seed: int = 2,
 ) -> Sheet:
-    """Make a crumpled sheet: a gently waving one, folded by `folds` random planes that tilt by up to `tilt_deg`.
+    """Make a crumpled sheet: a gentle wave folded by `folds` random planes tilted by up to `tilt_deg`.
 
-    Each plane mirrors the part of the sheet on one side of it. A mirrored surface keeps its lengths and meets the
-    rest in the plane, so the fold is exact; where the sheet is curved, so is the crease. Planes that would make the
-    sheet steeper than `steepest_deg` are passed over: then it stays in one layer, and all of it is seen from above.
+    Each plane reflects the part of the sheet on one side of it. Reflection is an isometry and the parts meet in the
+    plane, so folds are exact; creases of curved parts are curved. Planes that would make the sheet steeper than
+    `steepest_deg` are skipped, so that all of it is visible from above.
     """
     rng = np.random.default_rng(seed)
     base = wave(width_mm, height_mm, steepness_deg=12.0, waves=1.3, direction_deg=float(rng.uniform(0, 180)))
@@ -220,7 +220,7 @@ def crumpled(
     for _ in range(50 * folds):
         tilt, azimuth = np.radians(tilt_deg) * np.sqrt(rng.uniform(0.2, 1)), rng.uniform(0, 2 * np.pi)
         normal = np.array([np.sin(tilt) * np.cos(azimuth), np.sin(tilt) * np.sin(azimuth), np.cos(tilt)])
-        normal *= (-1) ** len(planes)  # in turn a ridge and a valley
+        normal *= (-1) ** len(planes)  # ridges and valleys alternate
         point = positions[rng.integers(len(positions))]
         beyond = (positions - point) @ normal > 0
         mirrored = np.where(beyond[:, None], 2 * np.outer(upward @ normal, normal) - upward, upward)
@@ -241,7 +241,7 @@ def crumpled(
 
 
 def normals(sheet: Sheet, page_xy: Floats) -> Floats:
-    """Unit normals of the printed side at places on the page, from differences over a micrometre.
+    """Unit normals of the printed side at page positions, by finite differences over a micrometre.
 
     Parameters
     ----------
@@ -266,14 +266,14 @@ SHEETS = tuple(MAKERS)
 
 
 def _book_slope(distance: Floats, spine_deg: float, dip_deg: float, width_mm: float) -> Floats:
-    """Slope of a book's leaf at a distance from the spine."""
+    """Slope of a book page at a distance from the gutter."""
     rise = np.exp(-distance / RISE_MM)
-    dip = np.exp(-(((distance / width_mm - 0.55) / 0.23) ** 2)) - np.exp(-((0.55 / 0.23) ** 2))  # none at the spine
+    dip = np.exp(-(((distance / width_mm - 0.55) / 0.23) ** 2)) - np.exp(-((0.55 / 0.23) ** 2))  # zero at the gutter
     return np.radians(spine_deg * rise - dip_deg * dip)
 
 
 def _extent(width_mm: float, height_mm: float, direction_deg: float) -> tuple[float, float]:
-    """Least place along a direction of the page, and the page's length along it."""
+    """Minimum of the page along a direction, and its extent along it."""
     direction = np.array([np.cos(np.radians(direction_deg)), np.sin(np.radians(direction_deg))])
     at = np.array([[0, 0], [width_mm, 0], [0, height_mm], [width_mm, height_mm]]) @ direction
     return float(at.min()), float(at.max() - at.min())
@@ -287,7 +287,7 @@ def _cylinder(
     direction_deg: float = 0.0,
     creases: tuple[float, ...] = (),
 ) -> Sheet:
-    """Bend a page along one direction; `angle` gives the slope at every arc length along it."""
+    """Bend a page along one direction; `angle` is the slope angle by arc length."""
     least, length = _extent(width_mm, height_mm, direction_deg)
     curve = curve_of_angle(angle, length, creases)
     cos, sin = np.cos(np.radians(direction_deg)), np.sin(np.radians(direction_deg))
@@ -307,12 +307,12 @@ def _mirror(points: Floats, normal: Floats, point: Floats) -> Floats:
 
 
 def _triangle_wave(t: Floats) -> Floats:
-    """0 at even numbers, 1 at odd ones, straight between."""
+    """Triangle wave: 0 at even integers, 1 at odd ones."""
     return 1 - np.abs(np.mod(t, 2) - 1)
 
 
 def _on_table(name: str, width_mm: float, height_mm: float, bend: Callable[[Floats], Floats]) -> Sheet:
-    """Move a bent sheet over the origin, its lowest point on z = 0."""
+    """Centre a sheet over the origin, its lowest point on z = 0."""
     size = np.array([width_mm, height_mm])
     grid_xy = np.stack(np.meshgrid(*(np.linspace(0, n, 1 + int(n / 2)) for n in size)), axis=-1).reshape(-1, 2)
     points = bend(grid_xy)
@@ -322,7 +322,7 @@ def _on_table(name: str, width_mm: float, height_mm: float, bend: Callable[[Floa
 
 
 def _lowest(bend: Callable[[Floats], Floats], grid_xy: Floats, size: Floats) -> float:
-    """Find the lowest height near the lowest few spots of a 2 mm lattice, to a micrometre."""
+    """Minimum height near the lowest points of a 2 mm grid, to a micrometre."""
     steps = np.stack(np.meshgrid(np.linspace(-1, 1, 9), np.linspace(-1, 1, 9)), axis=-1).reshape(1, -1, 2)
     reach = 2.0
     while reach > 1e-4:

@@ -1,4 +1,4 @@
-"""Pages of print set by the program: title, running head, justified columns, table, drawing, picture and stamp."""
+"""Typeset test pages: title, running head, justified columns, table, drawing, picture and stamp."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Font = ImageFont.FreeTypeFont
 Painter = Callable[[Image.Image, float, float], None]
 
 LEADING = 1.42
-"""Distance of base lines, in sizes of the type."""
+"""Baseline distance, in type sizes."""
 
 
 @dataclass(frozen=True)
@@ -30,12 +30,12 @@ class _Row:
     Attributes
     ----------
     height : float [px]
-        From the strip above to the strip below.
+        Height of the strip.
     paint : callable
         (image, x, y of the strip's upper left corner [px]).
     text : str
     with_next : float [px]
-        Room that must be left below it, so that a heading is not parted from its paragraph.
+        Space required below it, to keep a heading with its paragraph.
     """
 
     height: float
@@ -59,34 +59,34 @@ def typeset_page(
     picture: bool = False,
     stamp: bool = False,
 ) -> tuple[Page, str]:
-    """Set one page of a book.
+    """Typeset one page of a book.
 
     Parameters
     ----------
     width_mm, height_mm : float
     dpi : float
-        Pixels per 25.4 mm; text is anti-aliased at this size.
+        Resolution; text is anti-aliased.
     columns : int
     point_size : float
-        Of the text, in points of 1/72 inch.
+        Type size, in points of 1/72 inch.
     page_number : int
-        Set at the outer edge: left on even pages.
+        Printed at the outer edge: left on even pages.
     title : str or None
     story : sequence of str
-        Paragraphs, and headings that begin with "#"; what does not fit on the page is left out.
+        Paragraphs, and headings that begin with "#"; overflow is dropped.
     table, drawing : bool
-        In the running text: the drawing after its first part, the table after its third.
+        Within the text: the drawing after the first part, the table after the third.
     picture : bool
-        A grey one over the upper half of the page.
+        A grey picture in the upper half of the page.
     stamp : bool
-        A red one at the foot of the page.
+        A red stamp at the bottom of the page.
 
     Returns
     -------
     page : Page
         (rows, cols, 3) uint8, white paper, black ink.
     text : str
-        All that is printed, in reading order; not the stamp.
+        Printed text in reading order, without the stamp.
 
     Examples
     --------
@@ -123,13 +123,13 @@ def typeset_page(
 
 
 def typeset_sheet(sheet: Sheet, dpi: float = 300.0) -> tuple[Page, str]:
-    """Set the print for a sheet of the gallery: one page or, on a sheet wider than high, two side by side.
+    """Typeset the print of a sheet: one page, or two side by side on a sheet wider than high.
 
     Returns
     -------
     page : Page
     text : str
-        Of the left page, then of the right one.
+        Text of the left page, then of the right one.
     """
     if sheet.width_mm <= sheet.height_mm:
         return typeset_page(sheet.width_mm, sheet.height_mm, dpi)
@@ -141,7 +141,7 @@ def typeset_sheet(sheet: Sheet, dpi: float = 300.0) -> tuple[Page, str]:
 
 
 def _blocks(story: Sequence[str], width: float, font: Font, table: bool, drawing: bool) -> Iterator[Sequence[_Row]]:
-    """Turn the story into rows, with table and drawing in between."""
+    """Typeset the story to rows, with table and drawing in between."""
     for k, part in enumerate(story):
         if table and k == 3:
             yield _table(prose.TABLE, width, font)
@@ -151,7 +151,7 @@ def _blocks(story: Sequence[str], width: float, font: Font, table: bool, drawing
 
 
 def _fill_columns(image: Image.Image, rows: Sequence[_Row], columns: Sequence[tuple[float, float, float]]) -> list[str]:
-    """Fill columns (left, top, bottom) with rows until either runs out; returns the text that found room."""
+    """Fill columns (left, top, bottom) with rows until either is exhausted; return the placed text."""
     texts: list[str] = []
     positions = iter(columns)
     left, y, bottom = next(positions)
@@ -169,14 +169,14 @@ def _fill_columns(image: Image.Image, rows: Sequence[_Row], columns: Sequence[tu
 
 
 def _font(size: float) -> Font:
-    """Pillow's own font, so that no font file is needed; scalable where Pillow was built with FreeType."""
+    """Pillow's built-in font: needs no font file."""
     font = ImageFont.load_default(size)
     assert isinstance(font, Font)
     return font
 
 
 def _running_head(image: Image.Image, font: Font, page_number: int, left: float, right: float, base: float) -> str:
-    """Title of the book and number of the page over a fine rule; returns what it says."""
+    """Draw book title and page number above a fine rule; return their text."""
     number = str(page_number)
     texts = [prose.HEAD, number] if page_number % 2 else [number, prose.HEAD]
     _write(texts[0], font, 0, 0)(image, left, base)
@@ -192,7 +192,7 @@ def _heading(text: str, size: float) -> list[_Row]:
 
 
 def _paragraph(text: str, width: float, font: Font) -> list[_Row]:
-    """Set a paragraph in justified lines; its first line is indented, its last runs free."""
+    """Typeset a justified paragraph: first line indented, last line ragged."""
     words = text.split()
     widths = np.array([font.getlength(word) for word in words])
     space, indent = font.getlength(" "), 1.2 * font.size
@@ -210,7 +210,7 @@ def _paragraph(text: str, width: float, font: Font) -> list[_Row]:
 
 
 def _line_starts(widths: NDArray[np.float64], space: float, width: float, indent: float) -> list[int]:
-    """Break a paragraph where the sum of squared gaps is least (Knuth & Plass 1981, without hyphens)."""
+    """Optimal line breaks by least squared stretch (Knuth and Plass 1981, without hyphenation)."""
     count = len(widths)
     cost, start = np.full(count + 1, np.inf), np.zeros(count + 1, int)
     cost[0] = 0.0
@@ -231,7 +231,7 @@ def _line_starts(widths: NDArray[np.float64], space: float, width: float, indent
 
 
 def _table(lines: Sequence[Sequence[str]], width: float, font: Font) -> list[_Row]:
-    """Set a table between rules: the first column runs from the left, the others end at the right."""
+    """Typeset a table between rules: first column left-aligned, the others right-aligned."""
     pitch = 1.35 * font.size
     ends = np.linspace(0.5, 1, len(lines[0]))[1:] * width
     painters: list[Painter] = [partial(_rule_row, width=width, y=0.6 * pitch, thickness=font.size / 12)]
@@ -258,7 +258,7 @@ def _figure(art: Image.Image, caption: str, font: Font) -> list[_Row]:
 
 
 def _stamp(image: Image.Image, size: float, right: float, bottom: float) -> float:
-    """Print the stamp at the foot of the page, at the right; returns where the text must now end."""
+    """Draw the stamp at the bottom right; return the new bottom of the text area."""
     mark = stamp_print(prose.STAMP, 1.5 * size)
     place = (round(right) - mark.width, round(bottom) - mark.height)
     image.paste(ImageChops.multiply(image.crop((*place, place[0] + mark.width, place[1] + mark.height)), mark), place)
@@ -266,7 +266,7 @@ def _stamp(image: Image.Image, size: float, right: float, bottom: float) -> floa
 
 
 def _write(text: str, font: Font, x: float, base: float, bold: int = 0) -> Painter:
-    """Write one string at a place within its row; `bold` [px] thickens the strokes."""
+    """Write a string at a position within its row; `bold` [px] is the stroke width."""
 
     def paint(image: Image.Image, left: float, top: float) -> None:
         ImageDraw.Draw(image).text((left + x, top + base), text, "black", font, anchor="ls", stroke_width=bold)
@@ -284,7 +284,7 @@ def _rule(image: Image.Image, left: float, right: float, y: float, thickness: fl
 
 
 def _all(painters: Sequence[Painter]) -> Painter:
-    """Paint several things in one row."""
+    """Combine painters of one row."""
 
     def paint(image: Image.Image, left: float, top: float) -> None:
         for piece in painters:
