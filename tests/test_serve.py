@@ -93,7 +93,7 @@ def test_an_invalid_scan_fails_with_a_sentence(server, tmp_path):
 
 def test_a_scan_cannot_read_files_of_the_server(server, scan, tmp_path):
     (tmp_path / "scan.obj").write_bytes(scan[0].read_bytes())
-    (tmp_path / "scan.mtl").write_text(f"newmtl photo\nmap_Kd {scan[2]}\n")
+    (tmp_path / "scan.mtl").write_text(f"newmtl page\nmap_Kd {scan[2]}\n")
     job = server.send([tmp_path / "scan.obj", tmp_path / "scan.mtl"])
     told = server.until(job, lambda told: told["state"] == "failed")
     assert "which does not exist" in told["sentence"]
