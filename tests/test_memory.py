@@ -1,13 +1,16 @@
 """Work that needs more memory than there is is refused before it begins."""
 
+import errno
 import os
 import subprocess
 import sys
 
+import cv2
 import numpy as np
 import pytest
 
 from planish import memory
+from planish.cli.main import run
 from planish.errors import InputError
 from planish.io import read_scan, write_scan
 from planish.io.encode import png_bytes
@@ -108,3 +111,46 @@ def test_a_page_that_does_not_fit(only, dtype, per_pixel):
     page_xy = scan.mesh.points[:, :2] * [1, -1] + [0, 280]
     need = per_pixel * 787 * 394  # at 100 dpi
     refused_and_taken(only, need, lambda: draw(scan, page_xy, size, RenderSettings(dpi=100.0)), "lower dpi")
+
+
+@pytest.mark.parametrize(
+    ("problem", "free", "expected"),
+    [
+        (MemoryError(), 1e12, True),
+        (OSError(errno.ENOMEM, "Cannot allocate memory"), 1e12, True),
+        (OSError(errno.ENOSPC, "No space left"), 1e6, False),
+        (RuntimeError("can't start new thread"), 1e6, True),
+        (RuntimeError("can't start new thread"), 1e12, False),
+        (ImportError("libx.so: failed to map segment from shared object"), 1e6, True),
+        (ImportError("no such name"), 1e6, False),
+        (KeyError("own fault"), 1e6, False),
+    ],
+)
+def test_only_what_asked_for_memory_failed_for_want_of_it(problem, free, expected, monkeypatch):
+    monkeypatch.setattr(memory, "free_bytes", lambda: free)
+    assert memory.is_out_of_memory(problem) == expected
+
+
+def test_opencv_says_so_in_a_class_of_its_own():
+    problem = cv2.error("Insufficient memory")
+    problem.code = cv2.Error.StsNoMem
+    assert memory.is_out_of_memory(problem)
+    with pytest.raises(cv2.error) as caught:
+        cv2.resize(np.zeros((0, 0), np.uint8), (4, 4))
+    assert not memory.is_out_of_memory(caught.value)
+
+
+def test_the_command_line_shows_own_faults_while_memory_is_scarce(monkeypatch):
+    monkeypatch.setattr(memory, "free_bytes", lambda: 1e6)
+    monkeypatch.setattr(sys.modules["planish.cli.main"], "app", lambda *_, **__: {}["own fault"])
+    with pytest.raises(KeyError):
+        run([])
+
+
+def test_the_command_line_tells_in_one_line_that_memory_ran_out(monkeypatch, capsys):
+    def app(*_, **__):
+        raise MemoryError
+
+    monkeypatch.setattr(sys.modules["planish.cli.main"], "app", app)
+    assert run([]) == 3
+    assert capsys.readouterr().err.startswith("planish: not enough memory")

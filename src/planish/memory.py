@@ -18,6 +18,9 @@ _PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")
 _ADDRESSES = 500e6
 """Bytes of addresses that are taken without being used: threads' stacks and heaps, buffers of libraries. Where a limit
 leaves fewer, OpenBLAS waits for ever for a buffer that it cannot have."""
+SCARCE = 300e6
+"""Bytes; with fewer, libraries cannot be loaded and threads not be started."""
+_REFUSED = ("can't start new thread", "failed to map segment", "cannot allocate memory", "Cannot allocate memory")
 _VERSION_2 = ("memory.max", "memory.current", "inactive_file")
 _VERSION_1 = ("memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file")
 
@@ -51,11 +54,18 @@ def check_memory(need: float, what: str, hint: str) -> None:
 
 
 def is_out_of_memory(problem: BaseException) -> bool:
-    """Whether an exception says that memory was asked for and not given: by Python, numpy, the system or OpenCV."""
+    """Whether an exception says that memory was asked for and not given.
+
+    By Python, numpy, the system or OpenCV; or, while little memory is free, by the loader of shared libraries or the
+    start of a thread, which have no class of their own for it.
+    """
     if isinstance(problem, MemoryError) or (isinstance(problem, OSError) and problem.errno == errno.ENOMEM):
         return True
     cv2 = sys.modules.get("cv2")
-    return cv2 is not None and isinstance(problem, cv2.error) and problem.code == cv2.Error.StsNoMem
+    if cv2 is not None and isinstance(problem, cv2.error):
+        return bool(problem.code == cv2.Error.StsNoMem)
+    refused = isinstance(problem, ImportError | RuntimeError) and any(words in str(problem) for words in _REFUSED)
+    return refused and free_bytes() < SCARCE
 
 
 def _readable(count: float) -> str:

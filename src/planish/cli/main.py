@@ -24,14 +24,11 @@ from planish.cli.serve import serve
 from planish.cli.view import view
 from planish.errors import PlanishError, UsageError
 from planish.hints import as_flag
-from planish.memory import free_bytes
+from planish.memory import is_out_of_memory
 
 DID_NOT_SETTLE = 5
 INTERRUPTED, TERMINATED = 130, 143
 """128 plus the signal number, as in shells."""
-
-SCARCE = 300e6
-"""Bytes of free memory below which libraries fail in various ways, e.g. cannot be loaded or start no thread."""
 
 app.command(install_completion)
 app.command(demo)
@@ -86,7 +83,7 @@ def run(arguments: list[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except Exception as problem:
-        if not isinstance(problem, MemoryError) and free_bytes() > SCARCE:
+        if not is_out_of_memory(problem):
             raise
         return _fail(3, "not enough memory; give a smaller mesh or photo, or close other programs")
 
