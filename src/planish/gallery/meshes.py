@@ -59,7 +59,7 @@ def sheet_mesh(
     points : int
         About how many, before outline, holes and cuts take theirs.
     layout : {"range", "grid", "delaunay"}
-        range: square pixels turned by 7 degrees against the sheet, border in steps, errors along the ray to a scanner
+        range: square pixels rotated by 7 degrees against the sheet, stepped border, errors along the ray to a scanner
         650 mm above. grid: rows and columns of the sheet from border to border, errors along the ray. delaunay:
         random places in random order, with slivers, whole border; errors the same in all three directions.
     outline : str or callable, optional

@@ -119,7 +119,7 @@ def _brightness(
     lit = visibility(light, points, all_normals, faces)
     above = irradiance(light, points, all_normals, lit)
     bright: Floats = interpolate_to_pixels(face, weights, faces, above[:, None])[..., 0]
-    back = np.append(~front, np.zeros(len(faces) - len(front) + 1, bool))[face]  # the last stands for no face
+    back = np.append(~front, np.zeros(len(faces) - len(front) + 1, bool))[face]  # the last entry is for "no face"
     below = irradiance(light, points[:on_sheet], -upward, lit[:on_sheet])
     rows, cols = np.nonzero(back)
     bright[rows, cols] = interpolate_to_pixels(

@@ -301,7 +301,7 @@ def _cylinder(
 
 
 def _mirror(points: Floats, normal: Floats, point: Floats) -> Floats:
-    """Mirror the points that lie beyond the plane through `point`."""
+    """Reflect the points beyond the plane through `point`."""
     beyond = np.clip((points - point) @ normal, 0, None)
     return points - 2 * beyond[:, None] * normal
 

@@ -183,10 +183,10 @@ def _baseline_residual(letters: Letters, chain: Ints, edge: Floats) -> float:
 def _collect(
     image: WorkingImage, letters: Letters, chains: list[Ints], fragments: list[Ints], angle: float, upright: float
 ) -> TextLines | None:
-    stands = [_baseline_weights(letters, chain) for chain in chains]
+    fits = [_baseline_weights(letters, chain) for chain in chains]
     kept = [
         (chain, weight > 0)
-        for chain, (weight, residual) in zip(chains, stands, strict=True)
+        for chain, (weight, residual) in zip(chains, fits, strict=True)
         if residual < STRAIGHT and (weight > 0).sum() >= FEWEST - 1
     ]
     if not kept:
@@ -199,7 +199,7 @@ def _collect(
     short = [
         [[letters.left[c[0]], letters.bottom[c[0]]], [letters.right[c[-1]], letters.bottom[c[-1]]]] for c in fragments
     ]
-    residual = np.concatenate([np.full(len(c), o) for c, (_, o) in zip(chains, stands, strict=True)])
+    residual = np.concatenate([np.full(len(c), o) for c, (_, o) in zip(chains, fits, strict=True)])
     side = int(max(image.grey.shape) * NEARBY) | 1
     level = np.asarray(cv2.blur(image.grey, (side, side)), np.uint8)
     return TextLines(

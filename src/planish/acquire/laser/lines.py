@@ -115,7 +115,7 @@ def find_two_lines(laser_on: Pixels, photo: Pixels | None = None) -> Floats:
     if share < SEEN_SHARE:
         raise InputError(
             f"two laser lines are seen in {100 * share:.0f} % of the photo's columns, at least {100 * SEEN_SHARE:.0f} "
-            "% are wanted; both must run across the photo, from side to side, and stand out from the light of the room"
+            "% are wanted; both must cross the photo from side to side and stand out from ambient light"
         )
     return np.asarray(at)
 
@@ -130,7 +130,7 @@ def line_points(at: Floats, camera: Camera, planes: Floats) -> tuple[Floats, Flo
     good = np.isfinite(found[0]).all(axis=1) & np.isfinite(found[1]).all(axis=1)
     if good.mean() < 0.5:
         raise InputError(
-            f"{100 * (1 - good.mean()):.0f} % of what the lasers lit would lie behind the camera by these planes; are "
+            f"{100 * (1 - good.mean()):.0f} % of the laser points would be behind the camera with these planes; are "
             "they those of this camera, and in mm?"
         )
     return found[0][good], found[1][good]

@@ -238,7 +238,7 @@ def _inverse_depths(sweep: Sweep, camera: Camera, planes: Floats) -> Floats:
     share_in_front = np.isfinite(inverse[seen]).mean() if seen.any() else 0.0
     if share_in_front < 0.5:
         raise InputError(
-            f"{100 * (1 - share_in_front):.0f} % of what the laser lit would lie behind the camera by these planes; "
+            f"{100 * (1 - share_in_front):.0f} % of the laser points would be behind the camera with these planes; "
             "they belong to another camera or another frame of coordinates, or their unit is not mm"
         )
     return inverse
@@ -288,7 +288,7 @@ def _check_seen(at: Floats, names: list[str], warnings: list[Diagnostic]) -> Non
     if len(without_line) > len(names) / 2:
         raise InputError(
             f"no laser line is seen in {len(without_line)} of {len(names)} photos "
-            f"({_name_some(without_line, names)}): nowhere do they stand out from the laser-off photo; is the laser "
+            f"({_name_some(without_line, names)}): they do not differ from the laser-off photo; is the laser "
             "on, the room dark enough, and the number of lines right?"
         )
     if len(without_line):
@@ -302,15 +302,15 @@ def _check_exposure(clipped: Floats, names: list[str], warnings: list[Diagnostic
     share = float(np.median(clipped))
     if share > CLIPPED_REFUSED:
         raise InputError(
-            f"the photos are overexposed: {100 * share:.0f} % of the laser line's pixels are as bright as the camera "
-            f"can tell ({_name_some(np.flatnonzero(clipped > CLIPPED_REFUSED), names)}); expose for a shorter time, "
-            "or dim the laser"
+            f"the photos are overexposed: {100 * share:.0f} % of the laser line's pixels are saturated "
+            f"({_name_some(np.flatnonzero(clipped > CLIPPED_REFUSED), names)}); expose for a shorter time, or dim the "
+            "laser"
         )
     if share > CLIPPED_WARNED:
         warnings.append(
             Diagnostic(
                 "laser-overexposed",
-                f"{100 * share:.0f} % of the laser line's pixels are as bright as the camera can tell",
+                f"{100 * share:.0f} % of the laser line's pixels are saturated",
                 "expose for a shorter time to place the line better",
             )
         )

@@ -129,7 +129,7 @@ def _printed_side(
     if origin is not None:
         guessed = Diagnostic(
             "origin-as-scanner",
-            "the origin of the points was taken for the place of the scanner, which tells the printed side",
+            "the origin of the points was taken as the scanner position, which determines the printed side",
             "give {seen_from} if the page comes out mirrored",
         )
         return origin - points, [guessed]

@@ -19,10 +19,10 @@ MIN_DISTANCE = 0.3
 """The origin is the scanner position if it is farther from all points than this share of their extent..."""
 
 MAX_DISTANCE_MM = 5000.0
-"""No scanner sees the bend of paper from farther. Range images of rooms reach 10 m, but not sheets."""
+"""Largest median distance: no scanner resolves the curvature of paper from farther."""
 ALONG_AXIS = 0.94
-"""Cosine of 20 degrees, between an axis and the direction of the points' middle. With 10 degrees sheets beside the
-middle of a camera's view would be turned over, with 40 (half a camera's field) a table 0.8 m up passes for a view."""
+"""Cosine of the largest angle, 20 degrees, between an axis and the direction of the points' centre. With 10 degrees
+sheets beside the centre of the view would be flipped, with 40 a table 0.8 m above the origin would count as a view."""
 MIN_COSINE = 0.5
 """...and sees all points within a cone of 60 degrees around the centre: its cosine."""
 
@@ -115,10 +115,10 @@ def grid_photo(points: Floats, colours: Pixels) -> Pixels:
 
 
 def plausible_origin(points: Floats) -> Floats | None:
-    """The origin, if a scanner may have stood there: in front of the points (k, 3), near, and not among them.
+    """The origin if it is a plausible scanner position: in front of the points (k, 3), near, and not among them.
 
-    A scanner looks along one of its axes at what it scans; points on a table that stands somewhere in a world do not
-    lie along an axis of that world, and those of surveyors lie kilometres off.
+    Scanners look along one of their axes; points in a world frame are rarely along one of its axes, and those of
+    surveys are kilometres away.
     """
     distance_mm = np.linalg.norm(points, axis=1)
     extent = float(np.linalg.norm(np.ptp(points, axis=0)))

@@ -11,7 +11,7 @@ MAX_DISTINCT = 0.5
 nearly all distinct; a sheet of 100,000 pixels in whole millimetres has some hundred values."""
 
 FEWEST = 1000
-"""Depths that are needed to tell: few values may be equal by chance or all distinct."""
+"""Least number of depths for the test: few values may be equal, or all distinct, by chance."""
 
 COARSE_MM = 0.25
 """Steps above this are reported: rounding alone then adds 0.07 mm of noise, as much as a fair scanner has in all. At

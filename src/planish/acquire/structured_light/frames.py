@@ -29,14 +29,14 @@ MIN_AGREEMENT = 0.45
 """Least share of stripe edges at which each lower bit agrees with the code."""
 
 MIN_RESOLVED = 0.2
-"""A bit whose pattern and inverse differ by less than this part of white and black (mean) is too fine to be seen."""
+"""Least mean difference of pattern and inverse, relative to white minus black, of a resolved bit."""
 
 MIN_EDGES = 50
 """Least number of stripe edges of a bit in the test of lower bits."""
 
 MAX_UNRESOLVED = 2
-"""Finest bits of a code that may be unresolved. On a book page places are 0.003, 0.016 and 0.013 pixels off (median)
-with none, one and two; waves are for more."""
+"""Most finest bits that may be unresolved. On a book page the median error is 0.003, 0.016 and 0.013 px with none, one
+and two; phase shifting is for more."""
 
 EDGE_STEP = 4
 """Subsampling of rows and columns in the search for edges."""

@@ -145,7 +145,7 @@ def check_fit(camera: Camera, projector: Camera, camera_xy: Floats, code_xy: Flo
             f", and the flattest part of the view is {flatness_scaled:.2g} mm off a plane instead of {flatness:.2g}"
         )
         raise InputError(
-            f"the projector's calibration does not fit the code: rays miss each other by {error_px:.1f} pixels, but by "
+            f"the projector's calibration does not fit the code: the rays' median error is {error_px:.1f} pixels, but "
             f"{scaled_error:.1f} if its {name} are taken to be {factor:.3g} times as fine as those of the code"
             f"{planes if flatness_scaled < flatness else ''}",
             remedy,
@@ -153,7 +153,7 @@ def check_fit(camera: Camera, projector: Camera, camera_xy: Floats, code_xy: Flo
     if error_px <= MAX_GAP_PX:
         return error_px
     raise InputError(
-        f"camera and projector do not fit the code: rays miss each other by {error_px:.1f} pixels (below "
+        f"camera and projector do not fit the code: the rays' median error is {error_px:.1f} pixels (below "
         f"{MAX_GAP_PX:g} is wanted), and no other scale of the projector helps; did one of them move after it was "
         "calibrated, or is this the calibration of another camera or projector?"
     )

@@ -88,7 +88,7 @@ def from_gray_code(
         warnings.append(
             Diagnostic(
                 "calibration-poor",
-                f"rays of camera and projector miss each other by {median_error_px:.1f} pixels of the code (median; a "
+                f"rays of camera and projector have a median error of {median_error_px:.1f} code pixels (a "
                 f"good calibration has below {USUAL_GAP_PX:g}): sizes may be off by a percent or more",
             )
         )

@@ -19,8 +19,8 @@ from planish.parallel import thread_pool
 from planish.types import Bools, Floats, Ints
 
 REACH = 4
-"""Crossings up to so many pixels away, along the rows and the columns, are fitted; twice as many where two bits are
-unresolved, so that four lines of crossings still lie within reach."""
+"""Radius of the fit [px], along rows and columns; doubled if two bits are unresolved, so that it still contains four
+lines of crossings."""
 
 SPREAD = 2.0
 """Standard deviation of the Gaussian weights [px]."""
