@@ -19,7 +19,7 @@ BYTES_PER_POINT = 400.0
 """That repair and flattening take, with two triangles for each point."""
 
 
-def repair(scan: Scan) -> PreparedScan:
+def repair(scan: Scan, *, close_slits: bool = True) -> PreparedScan:
     """Make a scan fit for flattening.
 
     Left out, with a warning: faces with points that are not finite, faces that use a point twice or stand twice in
@@ -27,6 +27,12 @@ def repair(scan: Scan) -> PreparedScan:
     in the same place are welded where that joins pieces or closes a slit in a sheet, but not where a seam was cut
     on purpose (`_weld`). Faces are turned so that neighbours agree and the photo is not seen in a mirror. A scan with
     a camera alone learns where its points lie on the photo.
+
+    Parameters
+    ----------
+    scan : Scan
+    close_slits : bool
+        Whether points in the same place are also welded where that joins no pieces.
 
     Raises
     ------
@@ -45,7 +51,7 @@ def repair(scan: Scan) -> PreparedScan:
     warnings: list[Diagnostic] = []
     rows = _usable(points, faces, warnings)
     rows, topo = _manifold(points, faces, rows, warnings)
-    weld, topo = _weld(points, faces[rows], topo, warnings)
+    weld, topo, slits_closed = _weld(points, faces[rows], topo, close_slits, warnings)
     faces = weld[faces] if weld is not None else faces
     piece, turned, clashes = pieces_and_winding(faces[rows], topo)
     if clashes:
@@ -56,7 +62,9 @@ def repair(scan: Scan) -> PreparedScan:
         piece = np.unique(piece[kept], return_inverse=True)[1].astype(np.int32)
     photo_xy = _per_corner(scan, welded=weld is not None)
     turned = _printed_side_up(points, faces[rows], piece, turned, photo_xy, rows, warnings)
-    return _assemble(source, scan, faces, rows, piece, turned, photo_xy, weld, topo if kept.all() else None, warnings)
+    topology_kept = topo if kept.all() else None
+    prepared = _assemble(source, scan, faces, rows, piece, turned, photo_xy, weld, topology_kept, warnings)
+    return replace(prepared, slits_closed=slits_closed)
 
 
 def _check(points: Floats, faces: Ints) -> None:
@@ -138,34 +146,47 @@ def _manifold(points: Floats, faces: Ints, rows: Ints, warnings: list[Diagnostic
     return left, trial
 
 
-def _weld(points: Floats, faces: Ints, topo: Topology, warnings: list[Diagnostic]) -> tuple[Ints | None, Topology]:
+def _weld(
+    points: Floats, faces: Ints, topo: Topology, close_slits: bool, warnings: list[Diagnostic]
+) -> tuple[Ints | None, Topology, bool]:
     """Join border points that lie in the very same place, as texture seams and triangle soups need it.
 
     A seam may also have been cut on purpose, to open a tube or a cone. So the weld is kept only if no edge gets a
     third face, the sheet gets no new handle or tunnel (Euler's number does not fall, pieces apart), and the points
-    that come to lie inside have a full turn of angles around them, as flat paper has.
+    that come to lie inside have a full turn of angles around them, as flat paper has. Whether a slit within a piece,
+    such as a dart, was cut on purpose shows only when the sheet is laid flat; so it is told whether one was closed.
+
+    Returns
+    -------
+    weld : (n,) int32 or None
+        The point that stands for each.
+    topology : Topology
+    slits_closed : bool
     """
     border = np.unique(topo.edges[topo.edge_uses == 1])
     _, first, group = np.unique(points[border], axis=0, return_index=True, return_inverse=True)
     if len(first) == len(border):
-        return None, topo
+        return None, topo, False
     weld = np.arange(len(points), dtype=np.int32)
     weld[border] = border[first[group.ravel()]]
     welded = weld[faces]
     a, b, c = welded.T
     if ((a == b) | (b == c) | (c == a)).any():
-        return None, topo
+        return None, topo, False
     trial = topology(welded, len(points))
     if trial.edge_uses.max() > 2:
-        return None, topo
+        return None, topo, False
     before, after = (_disks_short(f, t) for f, t in ((faces, topo), (welded, trial)))
     inside = np.setdiff1d(weld[border], trial.edges[trial.edge_uses == 1])
     defect = np.abs(angle_sums(points, welded)[inside] - 2 * np.pi)
     if after > before or (len(inside) and np.median(defect) > 0.2):  # noise leaves 0.1, a cone of 1 in 5 leaves 0.2
-        return None, topo
+        return None, topo, False
+    slits = pieces_and_winding(welded, trial)[0].max() == pieces_and_winding(faces, topo)[0].max()
+    if slits and not close_slits:
+        return None, topo, False
     count = len(border) - len(first)
     warnings.append(Diagnostic("points-welded", f"{count:,} points in the place of another were welded to it"))
-    return weld, trial
+    return weld, trial, bool(slits)
 
 
 def _disks_short(faces: Ints, topo: Topology) -> int:

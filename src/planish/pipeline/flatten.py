@@ -14,8 +14,15 @@ from planish.mesh import to_file_order
 from planish.pipeline.orient import to_upright_frame
 from planish.pipeline.prepare import prepare
 from planish.pipeline.stages import Progress, StageTimer, no_progress
-from planish.settings import MM_PER_UNIT, FlattenSettings, Unit
-from planish.types import Flattening, Mesh, PreparedScan, Scan, check_place
+from planish.settings import MM_PER_UNIT, FlattenSettings, SheetRegion, Unit
+from planish.types import Diagnostic, Flattening, Mesh, PreparedScan, Scan, check_place
+
+STRETCHED = 1e-3
+"""Rms strain from which on a sheet with closed slits is tried with open ones: paper stretches by a thousandth. A cone of
+CONE degrees, closed, is strained so far."""
+OPENED = 0.7
+"""Slits stay open if that leaves no more than this part of the strain. A skirt keeps SKIRT of it with its dart open; a
+letter in which noise is all strain, with a slit whose sides meet, LETTER."""
 
 
 def flatten(
@@ -73,7 +80,7 @@ def flatten(
     with stage("clean"):
         prepared = prepare(Scan.owned(mesh, viewpoint=eye))
     with stage("flatten") as share:
-        flat = flatten_prepared(prepared, settings, share)
+        prepared, flat = flatten_prepared(prepared, settings, share)
     with stage("turn"):
         flat = to_upright_frame(prepared, flat, "auto")
     return replace(in_file_order(prepared, flat), warnings=(*prepared.warnings, *flat.warnings))
@@ -99,8 +106,41 @@ def flatten_prepared(
     prepared: PreparedScan,
     settings: FlattenSettings | None = None,
     progress: Callable[[float], None] | None = None,
+    sheet: SheetRegion = "all",
+) -> tuple[PreparedScan, Flattening]:
+    """Flatten the repaired mesh of a scan; the page is not oriented yet.
+
+    A dart or a tear whose sides meet was closed by the repair like any seam. Where the sheet cannot lie flat so, it is
+    prepared again with its slits open, and stays open if that lets it lie much flatter.
+
+    Parameters
+    ----------
+    prepared : PreparedScan
+    settings : FlattenSettings, optional
+    progress : callable, optional
+    sheet : {"auto", "all"}
+        As it was prepared.
+
+    Returns
+    -------
+    prepared : PreparedScan
+        As it was flattened.
+    flat : Flattening
+    """
+    flat = _solve(prepared, settings, progress)
+    if not prepared.slits_closed or flat.strain[0] <= STRETCHED:
+        return prepared, flat
+    opened = prepare(prepared.source, sheet, close_slits=False)
+    other = _solve(opened, settings, progress)
+    if other.strain[0] > OPENED * flat.strain[0]:
+        return prepared, flat
+    sentence = "the sheet is cut within itself and lies flat only with its cuts open, so they were left open"
+    return replace(opened, warnings=(*opened.warnings, Diagnostic("slits-open", sentence))), other
+
+
+def _solve(
+    prepared: PreparedScan, settings: FlattenSettings | None, progress: Callable[[float], None] | None
 ) -> Flattening:
-    """Flatten the repaired mesh of a scan; the page is not oriented yet."""
     return solve(prepared.scan.mesh, prepared.topology, settings, progress, eye=prepared.viewpoint)
 
 

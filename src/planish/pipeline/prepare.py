@@ -12,7 +12,7 @@ from planish.surface import smooth_normals
 from planish.types import PreparedScan, Scan
 
 
-def prepare(scan: Scan, sheet: SheetRegion = "all") -> PreparedScan:
+def prepare(scan: Scan, sheet: SheetRegion = "all", *, close_slits: bool = True) -> PreparedScan:
     """Repair a scan and find what all later stages need of it.
 
     Parameters
@@ -20,6 +20,8 @@ def prepare(scan: Scan, sheet: SheetRegion = "all") -> PreparedScan:
     scan : Scan
     sheet : {"auto", "all"}
         Whether a table around the sheet is left out where it is plainly one.
+    close_slits : bool
+        See `planish.mesh.repair`.
 
     Returns
     -------
@@ -33,7 +35,7 @@ def prepare(scan: Scan, sheet: SheetRegion = "all") -> PreparedScan:
         Where the scan is not a sheet that can be flattened; see `planish.mesh.repair`.
     """
     alone, warnings = leave_out_surroundings(scan) if sheet == "auto" else (scan, [])
-    repaired = repair(alone)
+    repaired = repair(alone, close_slits=close_slits)
     kept = repaired.scan
     eye = kept.viewpoint
     if eye is None:

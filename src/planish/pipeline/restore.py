@@ -74,7 +74,7 @@ def restore(
     with stage("clean"):
         prepared = prepare(scan, s.sheet)
     with stage("flatten") as share:
-        flat = flatten_prepared(prepared, s.flatten, share)
+        prepared, flat = flatten_prepared(prepared, s.flatten, share, s.sheet)
     with stage("turn"):
         flat = orient_by_shape(prepared, flat, s)
     flat, drawn = _draw(prepared, flat, s, stage, read_orientation) if scan.has_picture else (flat, _Drawn())

@@ -57,6 +57,8 @@ class PreparedScan:
     pieces, holes : int
     warnings : tuple of Diagnostic
         What was repaired, a sentence each.
+    slits_closed : bool
+        Whether points in the same place were welded that close a slit within a piece.
     viewpoint : (3,) float64 [mm] or None
         Where the scanner's rays come from, if its errors lie along them.
     find_normals : callable or None
@@ -70,6 +72,7 @@ class PreparedScan:
     pieces: int
     holes: int
     warnings: tuple[Diagnostic, ...] = ()
+    slits_closed: bool = False
     viewpoint: Floats | None = None
     find_normals: Callable[[Mesh, Topology], NDArray[np.float32]] | None = None
 
