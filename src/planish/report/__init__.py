@@ -1,4 +1,4 @@
-"""An honest account of a restoration: what was measured, and how it reads."""
+"""Quality figures of a restoration, and how they are shown."""
 
 from planish.report.build import build_report
 from planish.report.certificate import certificate

@@ -1,4 +1,4 @@
-"""The quality certificate: one sheet that says how good a restored page is, in pictures and figures."""
+"""Quality certificate: one A4 sheet with the figures and maps of a restoration."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def certificate(done: Restoration, name: str = "") -> NDArray[np.uint8]:
     done : Restoration
         With a page.
     name : str
-        What is restored, for the title.
+        Name of the scan, for the title.
 
     Returns
     -------
@@ -68,14 +68,14 @@ def _head(sheet: Sheet, done: Restoration, name: str) -> None:
 
 
 def _shortened(text: str, size: float, width: float) -> str:
-    """The end of a text that is too long for a line."""
+    """Shorten a text to fit a line, keeping its end."""
     while length(text, size) > width:
         text = "..." + text[4:]
     return text
 
 
 def _figures(sheet: Sheet, done: Restoration, x: float, y: float) -> None:
-    """Groups of figures under their headings."""
+    """Draw groups of figures under their headings."""
     right = WIDTH - MARGIN
     y += 16
     for heading, rows in _groups(done):
@@ -134,7 +134,7 @@ def _groups(done: Restoration) -> list[tuple[str, list[tuple[str, str]]]]:
 
 
 def _maps(sheet: Sheet, done: Restoration, y: float) -> float:
-    """Four maps over the page, each with its scale; returns the y below them."""
+    """Draw four maps of the page with their colour scales; returns the y below them."""
     flat = done.flattening
     width = (INNER - 3 * GAP) / 4
     height = min(MAP_HEIGHT, width * flat.size_mm[1] / flat.size_mm[0])
@@ -154,7 +154,7 @@ def _maps(sheet: Sheet, done: Restoration, y: float) -> float:
 
 
 def _light_of_paper(done: Restoration) -> tuple[Floats, NDArray[np.bool_]]:
-    """How bright blank paper was in the photo, as code values in percent, and where the photo is clipped."""
+    """Brightness of blank paper in the photo [% of the code values], and the mask of clipped pixels."""
     import cv2
 
     assert done.light is not None
@@ -176,7 +176,7 @@ def _map(
     high: float,
     marked: NDArray[np.bool_] | None = None,
 ) -> None:
-    """One map in its box (left, top, width, height), under its title and over its scale."""
+    """Draw one map in its box (left, top, width, height), with title and colour scale."""
     x, y, width, height = box
     sheet.words((x, y), title, TEXT)
     picture = coloured(values, low, high)
@@ -193,7 +193,7 @@ def _map(
 
 
 def _guideline(sheet: Sheet, done: Restoration, y: float) -> float:
-    """The table of the guidelines; returns the y below it."""
+    """Draw the table of the guidelines; returns the y below it."""
     found = done.report.guideline
     if found is None:
         return y
@@ -209,11 +209,11 @@ def _guideline(sheet: Sheet, done: Restoration, y: float) -> float:
         _criterion(sheet, criterion, columns, y)
         y += 44
     sheet.rule(MARGIN, y - 26, INNER)
-    said = (
+    explanation = (
         f"{found.name}. Not graded, as they need a reference target in the photo: {', '.join(found.not_graded)}. "
         "These are figures of one page, no certification of a studio."
     )
-    return sheet.lines((MARGIN, y + 6), said, TINY, INNER, SOFT)
+    return sheet.lines((MARGIN, y + 6), explanation, TINY, INNER, SOFT)
 
 
 def _criterion(sheet: Sheet, criterion: Criterion, columns: list[int], y: float) -> None:
@@ -227,12 +227,12 @@ def _criterion(sheet: Sheet, criterion: Criterion, columns: list[int], y: float)
 
 
 def _notes(sheet: Sheet, done: Restoration, y: float) -> None:
-    """The warnings, as far as there is room, over a last line that says what the figures mean."""
+    """Draw as many warnings as fit, and a line that explains the figures."""
     warnings = done.report.warnings
     sheet.words((MARGIN, y), "Notes" if warnings else "No warnings", HEADING)
     sheet.rule(MARGIN, y + 16, INNER)
     y += 52
-    lines = [(k == 0, line) for said in warnings for k, line in enumerate(wrapped(str(said), SMALL, INNER - 30))]
+    lines = [(k == 0, line) for warning in warnings for k, line in enumerate(wrapped(str(warning), SMALL, INNER - 30))]
     for first, line in lines[:MOST_WARNINGS]:
         if first:
             sheet.dot(MARGIN + 8, y - 8, 4, SOFT)
@@ -240,8 +240,8 @@ def _notes(sheet: Sheet, done: Restoration, y: float) -> None:
         y += 32
     if len(lines) > MOST_WARNINGS:
         sheet.words((MARGIN + 26, y), "More in the report.", SMALL, SOFT)
-    said = (
+    explanation = (
         "Expected error: rms distance of a point from its true place on the page, as far as strain and the scan's own "
         "noise tell. Strain: how far the flat sheet's lengths are from the paper's."
     )
-    sheet.lines((MARGIN, HEIGHT - 84), said, TINY, INNER, SOFT)
+    sheet.lines((MARGIN, HEIGHT - 84), explanation, TINY, INNER, SOFT)

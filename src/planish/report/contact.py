@@ -1,4 +1,4 @@
-"""A contact sheet: pictures in rows, each with its caption."""
+"""Contact sheet: pictures in rows with captions."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ TEXT = 26.0
 
 
 def contact_sheet(pictures: Mapping[str, Pixels | Bools], title: str = "", columns: int = 4) -> NDArray[np.uint8]:
-    """Set pictures in rows over their captions.
+    """Arrange pictures in rows, each above its caption.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Words, rules, stars and pictures set on a white sheet."""
+"""Drawing of text, lines, stars and images on a white page."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ GOLD, RED, GREEN = "#c99a2e", "#b3322b", "#2f7d4f"
 
 
 class Sheet:
-    """A white sheet to draw on; places and sizes are in pixels from its top left corner.
+    """A white page to draw on; coordinates are pixels from the top left corner.
 
     Attributes
     ----------
@@ -28,11 +28,11 @@ class Sheet:
         self._draw = ImageDraw.Draw(self.image)
 
     def words(self, xy: tuple[float, float], text: str, size: float, colour: str = INK, anchor: str = "ls") -> None:
-        """Set one line; anchors as in Pillow (ls: left end of the base line)."""
+        """Draw one line of text; anchors as in Pillow (ls: left end of the baseline)."""
         self._draw.text(xy, text, colour, _font(size), anchor)
 
     def lines(self, xy: tuple[float, float], text: str, size: float, width: float, colour: str = INK) -> float:
-        """Set a text in lines of at most that width; returns where the next base line would be."""
+        """Draw wrapped text; returns the y of the next baseline."""
         x, y = xy
         for line in wrapped(text, size, width):
             self.words((x, y), line, size, colour)
@@ -40,7 +40,7 @@ class Sheet:
         return y
 
     def rule(self, x: float, y: float, width: float, colour: str = FAINT, thickness: int = 2) -> None:
-        """Draw a level line."""
+        """Draw a horizontal line."""
         self._draw.rectangle((x, y, x + width, y + thickness - 1), colour)
 
     def dot(self, x: float, y: float, radius: float, colour: str) -> None:
@@ -48,7 +48,7 @@ class Sheet:
         self._draw.ellipse((x - radius, y - radius, x + radius, y + radius), colour)
 
     def star(self, x: float, y: float, radius: float, *, filled: bool) -> None:
-        """Draw a star of five points around a place."""
+        """Draw a five-pointed star around a centre."""
         turn = np.pi * np.arange(10) / 5 - np.pi / 2
         reach = np.where(np.arange(10) % 2, 0.42, 1.0) * radius
         outline = [(float(x + r * np.cos(t)), float(y + r * np.sin(t))) for r, t in zip(reach, turn, strict=True)]
@@ -57,7 +57,7 @@ class Sheet:
     def picture(
         self, pixels: Pixels | Bools, box: tuple[float, float, float, float], *, framed: bool = True
     ) -> tuple[int, int, int, int]:
-        """Fit a picture into a box (left, top, width, height), at its top and in its middle; returns its own box."""
+        """Fit an image into a box (left, top, width, height), top centre; returns the box it fills."""
         small = fitted(rgb_uint8(pixels), box[2], box[3])
         rows, cols = small.shape[:2]
         left, top = round(box[0] + (box[2] - cols) / 2), round(box[1])
@@ -68,12 +68,12 @@ class Sheet:
 
     @property
     def pixels(self) -> NDArray[np.uint8]:
-        """What was drawn: (rows, cols, 3) uint8."""
+        """The drawing as (rows, cols, 3) uint8."""
         return np.asarray(self.image)
 
 
 def wrapped(text: str, size: float, width: float) -> list[str]:
-    """A text broken at its spaces into lines of at most that width."""
+    """Wrap a text at spaces to lines of at most `width` pixels."""
     font, lines = _font(size), [""]
     for word in text.split():
         longer = f"{lines[-1]} {word}".strip()
@@ -85,12 +85,12 @@ def wrapped(text: str, size: float, width: float) -> list[str]:
 
 
 def length(text: str, size: float) -> float:
-    """How long a line of that text is."""
+    """Width of a line of text [px]."""
     return float(_font(size).getlength(text))
 
 
 def fitted(picture: NDArray[np.uint8], width: float, height: float) -> NDArray[np.uint8]:
-    """A picture brought to the greatest size within a box that keeps its shape."""
+    """Resize an image to the largest size within a box, keeping its aspect ratio."""
     import cv2
 
     rows, cols = picture.shape[:2]

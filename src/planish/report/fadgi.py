@@ -1,4 +1,4 @@
-"""Where a page stands in the FADGI guidelines, as far as the figures of a restoration can tell."""
+"""Grading of a page by the FADGI guidelines, as far as the figures of a restoration allow."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ NOT_GRADED = (
     "sharpening",
     "noise",
 )
-"""What the guidelines measure on a reference target in the photo, which a page by itself does not show."""
+"""Criteria that need a reference target in the photo."""
 
 RESOLUTION_PPI = (150.0, 300.0, 300.0, 400.0)
 EVENNESS_PERCENT = (8.0, 5.0, 3.0, 1.0)
 SCALE_PERCENT = (5.0, 3.0, 2.0, 1.0)
-"""Limits for one star to four."""
+"""Limits for one to four stars."""
 
 LIGHT_PER_GREY = 2.2
 """The guidelines count light: so many times a small step of the code value near white, both in parts of white."""
@@ -56,7 +56,7 @@ def guideline(report: Report) -> GuidelineReport:
 
 
 def stars(value: float, limits: tuple[float, ...]) -> int:
-    """How many limits, from one star to four, a value keeps: above them where they rise, else below.
+    """Stars that a value reaches: above the limits where they rise, else below.
 
     Examples
     --------

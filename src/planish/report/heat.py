@@ -1,4 +1,4 @@
-"""Values over the page as a picture in colours, with a scale that says what they mean."""
+"""Colour maps of values over the page, with a colour scale."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ TOP = 0.995
 
 
 def over_page(page_xy: Floats, faces: Ints, values: Floats, size_mm: tuple[float, float], rows: int = ROWS) -> Floats:
-    """Lay a value at every point out over the page.
+    """Interpolate values at points over the page.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def over_page(page_xy: Floats, faces: Ints, values: Floats, size_mm: tuple[float
 def heat_map(
     page_xy: Floats, faces: Ints, values: Floats, size_mm: tuple[float, float], title: str
 ) -> NDArray[np.uint8]:
-    """Draw a value at every point as a map over the page.
+    """Draw values at points as a colour map of the page.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def heat_map(
 
 
 def coloured(values: Floats, low: float, high: float) -> NDArray[np.uint8]:
-    """Values as colours from dark blue at `low` to yellow at `high`; white where they are NaN."""
+    """Map values to colours, from dark blue at `low` to yellow at `high`; NaN to white."""
     import cv2
 
     share = np.clip((values - low) / max(high - low, TINY), 0, 1)
@@ -77,19 +77,19 @@ def coloured(values: Floats, low: float, high: float) -> NDArray[np.uint8]:
 
 
 def round_above(value: float) -> float:
-    """The next round number: a scale that ends there has a round number in its middle too."""
+    """Next round number whose half is round as well."""
     power = 10.0 ** np.floor(np.log10(max(value, TINY_SHARE)))
     return float(next(step * power for step in (1, 1.2, 1.6, 2, 3, 4, 5, 6, 8, 10) if step * power >= value * 0.999))
 
 
 def round_span(values: Floats | NDArray[np.float32], step: float) -> tuple[float, float]:
-    """Round ends of a scale that holds nearly all values."""
+    """Rounded limits of a colour scale that covers nearly all values."""
     low, high = (float(np.nanquantile(values, share)) / step for share in (1 - TOP, TOP))
     return step * float(np.floor(low)), step * float(max(np.ceil(high), np.floor(low) + 1))
 
 
 def _with_scale(picture: NDArray[np.uint8], top: float, title: str) -> NDArray[np.uint8]:
-    """The picture over a bar from 0 to the top of the scale, with the title between its ends."""
+    """Add a colour bar from 0 to `top` below the picture, with its title."""
     from PIL import Image, ImageDraw, ImageFont
 
     rows, cols = picture.shape[:2]

@@ -1,4 +1,4 @@
-"""How true a flat sheet is to the surface it came from: stretch and flips."""
+"""Fidelity of a flattening: stretch and flipped faces."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def _stretch(points, faces, page_xy):  # type: ignore[no-untyped-def]
 
 
 def flipped_faces(faces: Ints, page_xy: Floats, points: Floats | None = None) -> int:
-    """How many faces lie on the page with their back up (or with no area at all).
+    """Count faces that lie on the page with their back up (or without area).
 
     Parameters
     ----------

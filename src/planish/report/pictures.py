@@ -1,4 +1,4 @@
-"""Pictures of a restoration for people to look at: the scan's relief, and pictures side by side."""
+"""Images of a restoration: shaded relief of the scan, and montages."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ LIGHT = np.array([-0.45, 0.5, 0.74])
 
 
 def relief(points: Floats, faces: Ints, *, height: int = 900, tilt: float = 50.0) -> Pixels:
-    """Draw a mesh as a shaded surface, seen from the front and from above.
+    """Render a mesh as a shaded surface, seen obliquely from above.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def relief(points: Floats, faces: Ints, *, height: int = 900, tilt: float = 50.0
 
 
 def side_by_side(pictures: Sequence[Pixels | Bools], *, columns: int = 6, height: int = 900, gap: int = 24) -> Pixels:
-    """Bring pictures to one height and set them in rows on a light ground.
+    """Scale pictures to one height and arrange them in rows on a light background.
 
     Parameters
     ----------

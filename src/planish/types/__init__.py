@@ -1,4 +1,4 @@
-"""The values that travel between the rooms: arrays kept together, that can show themselves and do no more.
+"""Values passed between stages: frozen dataclasses of read-only arrays, without behaviour beyond small properties.
 
 Positions are (x, y[, z]) in millimetres; images are [row, col]. Arrays are read-only once a value is made.
 """

@@ -1,4 +1,4 @@
-"""Array types, and how values keep their arrays from being changed."""
+"""Array types, and read-only arrays for frozen values."""
 
 from __future__ import annotations
 

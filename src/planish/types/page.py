@@ -1,4 +1,4 @@
-"""The flat page, and all that came of a scan."""
+"""Page images, and the result of a restoration."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Page:
     ----------
     pixels : (rows, cols) or (rows, cols, 3) uint8 or uint16, or (rows, cols) bool (True is paper)
     known : (rows, cols) bool
-        False where no scanned surface was seen.
+        False where the page has no data.
     dpi : float
         True pixels per 25.4 mm of page.
     icc : bytes or None
@@ -128,18 +128,18 @@ class Page:
 
 @dataclass(frozen=True, eq=False)
 class Restoration:
-    """All that came of a scan; a notebook shows its page and its figures.
+    """Result of restoring a scan; a notebook shows its page and its figures.
 
     Attributes
     ----------
     flattening : Flattening
-        With the place on the page of every point of the scan, in the scan's order.
+        Position on the page of every point of the scan, in the order of the file.
     rendered, unshaded : Page or None
         None where the scan has no photo, or where that stage was not asked for. Of the whole sheet.
     report : Report
-        With the place of the spine, along which `planish.split_pages` cuts these pages in two.
+        Quality report; its gutter is where `planish.split_pages` cuts these pages in two.
     prepared : PreparedScan
-        What was flattened and drawn.
+        The repaired scan that was flattened and rendered.
     clipped : (rows, cols) bool or None
         Pixels of the page with a channel at its greatest value in the photo, where shade was removed.
     light : (rows, cols, 3) float32 or None

@@ -11,18 +11,18 @@ from planish.types.diagnostic import Diagnostic
 
 @dataclass(frozen=True)
 class Spine:
-    """Where a sheet is two pages of a book: an upright line on the flat sheet.
+    """Gutter between two pages of a book: a vertical line on the flat sheet.
 
     Attributes
     ----------
     x_mm : float
-        From the sheet's left side.
+        Distance from the left side of the sheet.
     turn_deg : float
-        By how much the paper turns there, into a valley; 0 where the surface does not show the spine.
+        Angle of the valley in the surface; 0 where the surface does not show the gutter.
     found_by : {"surface", "gutter", "middle"}
-        From the surface; from the widest upright gap in the print; or the middle, where there is neither.
+        The surface; the widest vertical gap in the print; or the middle of the sheet, where there is neither.
     crossed : bool
-        Whether lines of print run across it.
+        Whether print runs across the gutter.
     """
 
     x_mm: float
@@ -33,17 +33,17 @@ class Spine:
 
 @dataclass(frozen=True)
 class ScanReport:
-    """What came in.
+    """The scan as it was read.
 
     Attributes
     ----------
     points, faces : int
-        As in the file.
+        Counts of the file.
     pieces, holes : int
     unit : str
-        The unit that the file's numbers were taken to be in.
+        Unit of the file's coordinates, as read or guessed.
     noise_mm : float or None
-        Typical standard deviation of the scanner's noise, where it was measured.
+        Median standard deviation of the scanner's noise, where it was measured.
     noise_length_mm : float or None
         Distance over which the noise of two points is alike (correlation 1/2); None where there is no noise.
     spikes : int
@@ -62,30 +62,30 @@ class ScanReport:
 
 @dataclass(frozen=True)
 class FlattenReport:
-    """How true the flat sheet is to the surface.
+    """Solver and geometric fidelity of the flattening.
 
     Attributes
     ----------
     method, lengths : str
     points : int
-        That the solver moved.
+        Points that the solver moved.
     iterations : int
     seconds : float
-        From the mesh in memory to every point's place on the page in memory.
+        Wall time from the mesh in memory to `page_xy` in memory.
     strain_rms, strain_max : float
-        Of the solver's edges against the rest lengths used.
+        Relative error of the solver's edges against the rest lengths used.
     strain_raw_rms : float
-        Of all edges of the scan against their raw 3D lengths (a scan's noise shows here).
+        Rms relative error of all edges of the scan against their raw 3D lengths, which include the scanner's noise.
     stretch_l2, stretch_linf : float
-        Sander's, over all faces of the scan; 1 is perfect.
+        Stretch of Sander et al. (2001) over all faces of the scan; 1 is isometric.
     flipped_faces : int
-        Of the scan, with their back up on the page.
+        Faces of the scan that lie on the page with their back up.
     overlaps : int
-        Faces of the scan that lie over other parts of the page.
+        Faces of the scan that overlap other parts of the page.
     passed_points : int
-        Of the solver, that went through another layer of the sheet on the way down (verlet).
+        Points of the solver that passed through another layer of the sheet (verlet).
     expected_error_mm : float
-        Rms distance of the scan's points from their true places on the page, as far as strain and noise tell.
+        Expected rms distance of the points from their true places on the page, estimated from strain and noise.
     """
 
     method: str
@@ -106,22 +106,22 @@ class FlattenReport:
 
 @dataclass(frozen=True)
 class PageReport:
-    """The page: its size, and how well the photo shows it (None where no photo was drawn).
+    """Size of the page, and resolution and coverage of its photo (None where no photo was drawn).
 
     Attributes
     ----------
     width_mm, height_mm : float
     dpi : float or None
     effective_ppi_p10, effective_ppi_median : float or None
-        Photo pixels per inch of page, in the direction where they are fewest, over the area of the page.
+        Photo pixels per inch of page in the direction of the lowest resolution: 10 % quantile and median over the page.
     known_fraction : float or None
-        Share of the page's pixels that the scan and the photo saw.
+        Fraction of the page's pixels covered by scan and photo.
     photo_parts : list of float
-        Of what was seen, the part that each photo shows best, in the order in which they were given.
+        For each photo, in the order given, the fraction of the known pixels taken from it.
     missing_regions : int or None
-        Parts of the page that were not seen, each at least 1 mm wide somewhere.
+        Number of connected regions without data, each at least 1 mm wide somewhere.
     missing_mm2 : float or None
-        Their area.
+        Total area of these regions.
     """
 
     width_mm: float
@@ -137,13 +137,13 @@ class PageReport:
 
 @dataclass(frozen=True)
 class PartReport:
-    """One page of the sheet, as it was written.
+    """One page of the sheet, as written.
 
     Attributes
     ----------
     side : {"whole", "left", "right"}
     left_mm : float
-        Of its left side, from the sheet's.
+        Distance of its left side from that of the sheet.
     width_mm, height_mm : float
     """
 
@@ -155,18 +155,18 @@ class PartReport:
 
 @dataclass(frozen=True)
 class ShadingReport:
-    """How well the shade was taken off the page.
+    """Quality of the shading removal.
 
     Attributes
     ----------
     method : str
         "geometry" or "background".
     paper_share : float
-        Part of the page that the light was found from.
+        Fraction of the page used as blank paper to estimate the illumination.
     unevenness_before, unevenness : float
-        From the 10 % to the 90 % quantile of the blank paper's grey, in parts of white.
+        Difference of the 90 % and 10 % quantiles of the grey of blank paper, relative to white, before and after.
     clipped_share : float
-        Part of the page that is clipped in the photo: how bright it was there is not known.
+        Fraction of the page that is overexposed in the photo, where its brightness is unknown.
     """
 
     method: str
@@ -178,29 +178,29 @@ class ShadingReport:
 
 @dataclass(frozen=True)
 class PhotoReport:
-    """What one photo told of a sheet's shape.
+    """Shape of the sheet as estimated from one photo.
 
     Attributes
     ----------
     shape : str
-        What it was found from: "text-lines", "borders", "text-lines and borders", "shading" or "polynomial".
+        Evidence used: "text-lines", "borders", "text-lines and borders", "shading" or "polynomial".
     scale : str
-        Where the size in mm comes from: "unknown" (a guess from the size of the letters), "width" or "paper".
+        Origin of the size in mm: "unknown" (guessed from the size of the letters), "width" or "paper".
     focal_px : float [photo px]
     focal_from : str
         "exif" or "assumed".
     lines, letters : int
-        Of text that were used.
+        Numbers of text lines and letters used.
     straightness : float or None
-        How far letters are off straight lines on the page (rms), in heights of their letters.
+        Rms distance of the letters from straight lines on the page, in letter heights.
     bent_one_way : float or None
-        The same before the part was added by which the sheet is not bent in one direction only.
+        The same after the cylinder fit alone, before the residual warp.
     extrapolated_share : float
-        Part of the page that lies outside of all that the shape was found from.
+        Fraction of the page outside the convex hull of the evidence.
     confidence : str
-        All this in a sentence.
+        Summary of these figures in one sentence.
     creases : float
-        Length of all creases that the shade of the paper shows, in lengths of the page's shorter side.
+        Total length of creases visible in the shading, relative to the shorter side of the page.
     """
 
     shape: str
@@ -218,16 +218,16 @@ class PhotoReport:
 
 @dataclass(frozen=True)
 class Criterion:
-    """One figure of a page beside the limits that a guideline sets.
+    """One quality figure of a page and the limits set for it by a guideline.
 
     Attributes
     ----------
     name, unit : str
     value : float
     limits : (float, float, float, float)
-        For one star to four.
+        For one to four stars.
     stars : int
-        How many it reaches; 0 is none.
+        Stars reached, 0 to 4.
     """
 
     name: str
@@ -239,15 +239,15 @@ class Criterion:
 
 @dataclass(frozen=True)
 class GuidelineReport:
-    """Where the page stands in a guideline of digitisation.
+    """Page quality graded by a digitisation guideline.
 
     Attributes
     ----------
     name : str
-        The guideline's, with its edition and the kind of material.
+        Guideline, edition and kind of material.
     criteria : list of Criterion
     not_graded : list of str
-        What the guideline asks for and this program cannot tell.
+        Criteria of the guideline that cannot be measured without a reference target.
     """
 
     name: str

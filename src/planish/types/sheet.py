@@ -1,4 +1,4 @@
-"""A sheet: as it was scanned, as sticks, and laid flat."""
+"""Meshes, cameras, scans, sticks and flattenings."""
 
 from __future__ import annotations
 
@@ -272,7 +272,7 @@ class Sticks:
 
 
 class Outcome(Enum):
-    """How a flattening ended; the value is the sentence for the user."""
+    """How a flattening ended; each value is the sentence for the user."""
 
     SETTLED = "The sheet lies flat on the plane and its sticks have come to rest."
     STALLED = "The sheet stopped moving before all of it reached the plane; it stands arched somewhere."
@@ -283,7 +283,7 @@ class Outcome(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Flattening:
-    """Where every point of a mesh lies on the page.
+    """Position of every point of a mesh on the flat page.
 
     Attributes
     ----------
@@ -294,18 +294,18 @@ class Flattening:
     outcome : Outcome
     method, lengths : str
     solved_points : int
-        How many points the solver itself moved; fewer than n after decimation.
+        Points that the solver moved; fewer than n after decimation.
     iterations : int
     residuals : (iterations,) float64
-        Root mean square of the sticks' relative error, through the solving.
+        Rms relative error of the sticks, per iteration.
     heights : (iterations,) float64 [mm]
-        Greatest height above the plane, through the solving; empty for methods that never leave the plane.
+        Greatest height above the plane, per iteration; empty for methods that stay in the plane.
     strain : (float, float)
-        Root mean square and greatest relative error of the edges against the rest lengths used.
+        Rms and greatest relative error of the edges against the rest lengths used.
     error_mm : (n,) float64 [mm]
-        Expected distance of every point from its true place, see `planish.flattening.expected`.
+        Expected distance of every point from its true position; see `planish.flattening.expected`.
     local_strain : (n,) float64
-        Root mean square strain of the edges around every point.
+        Rms strain of the edges around every point.
     seconds : float
         From the mesh in memory to `page_xy` in memory.
     noise_mm : float or None
@@ -315,12 +315,12 @@ class Flattening:
     spikes : int
         Points far off the surface, which were not counted.
     overlaps : int
-        Faces that lie over other parts of the page.
+        Faces that overlap other parts of the page.
     passed_points : int
-        That went through another layer of the sheet on the way down (verlet).
+        Points that passed through another layer of the sheet (verlet).
     warnings : tuple of Diagnostic
     normals : (n, 3) float32 or None
-        Of the bent sheet without the scanner's noise, where they were sought for all points.
+        Noise-free normals of the bent sheet, where they were computed for all points.
     """
 
     page_xy: Floats

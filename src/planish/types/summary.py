@@ -1,4 +1,4 @@
-"""The report as a few lines for people."""
+"""Short table of the report for people."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from planish.types.report import Report
 
 
 def summary(report: Report) -> list[tuple[str, str]]:
-    """Rows (what, how much) of the short table that the command line prints."""
+    """Rows (label, value) of the table that the command line prints."""
     scan, flat, page = report.scan, report.flatten, report.page
     noise = "" if scan.noise_mm is None else f"; the scan's noise is {scan.noise_mm:.3f} mm"
     rows = [
