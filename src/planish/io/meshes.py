@@ -11,15 +11,8 @@ from planish.io.files import is_folder, read_bytes
 from planish.io.text import as_utf8
 from planish.memory import check_memory
 
-_OTHER_SUFFIXES = {
-    ".stl",
-    ".off",
-    ".3mf",
-    ".fbx",
-    ".dae",
-    ".usdz",
-    ".usd",
-}
+_WANTED = "OBJ, PLY, GLB, glTF, STL, OFF, 3MF, DAE, X3D, VRML, USDZ or a tifxyz folder"
+_OTHERS = ((b"Kaydara FBX", "an FBX"), (b"BLENDER", "a Blender file"), (b"Rhino", "a Rhino file"), (b"MMM", "a 3DS"))
 
 _CLOUDS = {".e57", ".las", ".laz", ".xyz", ".pcd", ".ptx", ".asc"}
 
@@ -33,7 +26,7 @@ def read_mesh(path: Path, inside: Path | None = None) -> FileMesh:
     Parameters
     ----------
     path : Path
-        An OBJ, PLY, GLB or glTF file, or a tifxyz folder.
+        A file of OBJ, PLY, GLB, glTF, STL, OFF, 3MF, DAE, X3D, VRML or USDZ, or a tifxyz folder.
     inside : Path, optional
         The only folder from which files are read that the mesh names.
 
@@ -56,13 +49,46 @@ def read_mesh(path: Path, inside: Path | None = None) -> FileMesh:
         from planish.io.gltf import read_gltf
 
         return read_gltf(path, data, inside)
+    further = _read_further(path, data, inside)
+    if further is not None:
+        return further
     if path.suffix.lower() in _CLOUDS:
         raise InputError(
             f"{path} is a point cloud, and a mesh is wanted: `planish acquire grid` makes one of a range image,"
             " `planish acquire points` of other points"
         )
-    if b"\0" in data or path.suffix.lower() in _OTHER_SUFFIXES:
-        raise InputError(f"{path} is no mesh that planish reads: OBJ, PLY, GLB, glTF or a tifxyz folder is wanted")
+    other = next((said for start, said in _OTHERS if data.startswith(start)), None)
+    if b"\0" in data[:65536] or other or path.suffix.lower() == ".fbx":
+        raise InputError(f"{path} is {other or 'no mesh'} that planish does not read; {_WANTED} is wanted")
     from planish.io.obj import read_obj
 
     return read_obj(path, data, inside)
+
+
+def _read_further(path: Path, data: bytes, inside: Path | None) -> FileMesh | None:
+    """The mesh of one of the rarer formats; None for all others."""
+    start = data[:4096].lstrip().removeprefix(b"\xef\xbb\xbf")
+    if start.startswith((b"#VRML V2.0", b"#X3D V")):
+        from planish.io.vrml import read_vrml
+
+        return read_vrml(path, data, inside)
+    if start.startswith((b"PXR-USDC", b"#usda")) or (start.startswith(b"PK\3\4") and b".usd" in data):
+        from planish.io.usd import read_usd
+
+        return read_usd(path, data, inside)
+    if start.startswith(b"PK\3\4"):
+        from planish.io.xml_meshes import read_3mf
+
+        return read_3mf(path, data)
+    if start.startswith(b"<"):
+        from planish.io.vrml import read_x3d
+        from planish.io.xml_meshes import read_dae
+
+        return read_dae(path, data, inside) if b"COLLADA" in start else read_x3d(path, data, inside)
+    from planish.io.plain_meshes import is_binary_stl, read_off, read_stl
+
+    if is_binary_stl(data) or (start.startswith(b"solid") and b"facet" in data[:65536]):
+        return read_stl(path, data)
+    if re.match(rb"(?:#[^\n]*\n)*\s*(?:ST)?C?N?OFF\b", start):
+        return read_off(path, data)
+    return None

@@ -107,6 +107,12 @@ def board_page(board: Board, paper: str = "a4") -> Page:
     return Page(pixels, np.ones_like(pixels), PX_PER_MM * MM_PER_INCH)
 
 
+SEARCH_PX, EXHAUSTIVE_PX = 2000, 800
+"""Long sides of the photo on which corners are looked for, before they are refined on the photo itself. Squares of 30
+pixels and more are found; with half of it boards far away are missed, with twice as much a photo without a board takes
+four times as long."""
+
+
 def find_corners(board: Board, grey: NDArray[np.uint8]) -> tuple[NDArray[np.intp], Floats] | None:
     """Detect the corners of a board in a photo.
 
@@ -130,13 +136,39 @@ def find_corners(board: Board, grey: NDArray[np.uint8]) -> tuple[NDArray[np.intp
             return None
         return np.ravel(numbers).astype(np.intp), np.asarray(corners, np.float64).reshape(-1, 2)
     size = board.columns - 1, board.rows - 1
-    flags = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_ACCURACY
-    found, corners = cv2.findChessboardCornersSB(stretched, size, flags=flags)
-    if not found:
-        return None
-    return np.arange(size[0] * size[1]), _refine_corners(
-        stretched, np.asarray(corners, np.float32).reshape(-1, 2), size[0]
+    corners = _chessboard(stretched, size)
+    return None if corners is None else (np.arange(size[0] * size[1]), _refine_corners(stretched, corners, size[0]))
+
+
+def _chessboard(grey: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.float32] | None:
+    """Corners (k, 2) [px], unrefined, by the first detector that sees all of them.
+
+    The sector-based detector stands blur and noise, the classic one light squares on grey and boards without a white
+    rim; each misses boards that the other sees. The exhaustive search takes seconds where there is none, so it has a
+    small photo, and only one with squares on it.
+    """
+    half, small = _shrunk(grey, SEARCH_PX), _shrunk(grey, EXHAUSTIVE_PX)
+    accurate = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_ACCURACY
+    classic = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_FAST_CHECK
+    tries = (
+        (half, lambda photo: cv2.findChessboardCorners(photo, size, flags=classic)),
+        (half, lambda photo: cv2.findChessboardCornersSB(photo, size, flags=accurate)),
+        (small, lambda photo: cv2.findChessboardCornersSB(photo, size, flags=accurate | cv2.CALIB_CB_EXHAUSTIVE)),
     )
+    for photo, detect in tries[: 3 if cv2.checkChessboard(small, size) else 2]:
+        found, corners = detect(photo)
+        if found:
+            factor = np.array(grey.shape[::-1]) / photo.shape[::-1]
+            places = (np.asarray(corners, np.float64).reshape(-1, 2) + 0.5) * factor - 0.5
+            return places.astype(np.float32)
+    return None
+
+
+def _shrunk(grey: NDArray[np.uint8], most_px: int) -> NDArray[np.uint8]:
+    factor = most_px / max(grey.shape)
+    if factor >= 1:
+        return grey
+    return np.asarray(cv2.resize(grey, None, fx=factor, fy=factor, interpolation=cv2.INTER_AREA), np.uint8)
 
 
 def _refine_corners(grey: NDArray[np.uint8], corners: NDArray[np.float32], columns: int) -> Floats:
