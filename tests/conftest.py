@@ -73,6 +73,26 @@ def restored_book(book_scan):
     return planish.restore(book_scan.scan)
 
 
+@pytest.fixture(scope="module")
+def corners_found_once():
+    """Detect the corners of a board once in each photo: it takes a second, and tests show the same photos again."""
+    from planish.acquire.calibration import boards, camera
+    from planish.acquire.laser import board as laser_board
+
+    found = {}
+
+    def find_corners(board, photo):
+        key = repr(board), photo.shape, photo.tobytes()
+        if key not in found:
+            found[key] = boards.find_corners(board, photo)
+        return found[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        for module in (camera, laser_board):
+            patch.setattr(module, "find_corners", find_corners)
+        yield
+
+
 # No network ----------------------------------------------------------------------------------------------------------
 
 

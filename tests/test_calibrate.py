@@ -23,6 +23,8 @@ from planish.geometry import project
 from planish.io import read_camera
 from planish.io.cameras import camera_as_json
 
+pytestmark = pytest.mark.usefixtures("corners_found_once")
+
 SESSION = Path(__file__).parent.parent / "docs" / "acquire.md"
 BOARD = Board(9, 7, 18.0)
 CAMERA, PROJECTOR = projector_rig(sheet("book"), *SMALL_RIG)

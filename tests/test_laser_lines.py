@@ -35,6 +35,8 @@ from planish.io.cameras import camera_as_json
 from planish.io.lasers import read_motion, read_rig, read_sweep, write_rig
 from planish.types import Camera, Page
 
+pytestmark = pytest.mark.usefixtures("corners_found_once")
+
 PHOTO_PX = (900, 700)
 REAL = DATA / "laser_lines_book"
 
