@@ -9,6 +9,7 @@ import numpy as np
 
 from planish.document.sheet_outline import find_sheet
 from planish.geometry import project
+from planish.geometry.axes import principal_axes
 from planish.geometry.resection import resect
 from planish.mesh import area_vectors
 from planish.types import Bools, Diagnostic, Floats, Mesh, Scan
@@ -160,7 +161,7 @@ def _flat_shares(mesh: Mesh, outside: Bools, inside: Bools) -> tuple[float, floa
     used = ground
     for _ in range(10):  # reweighted to the nearer half: a hand on the table does not tilt the plane
         middle = used.mean(axis=0)
-        normal = np.linalg.svd(used - middle, full_matrices=False)[2][2]
+        normal = principal_axes(used)[0][2]
         away = np.abs((ground - middle) @ normal)
         used = ground[away <= max(np.median(away), tolerance / 2)]
     flat = [float((np.abs((points - middle) @ normal) <= tolerance).mean()) for points in (ground, sheet)]

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from planish.gallery.sheets import Sheet
 from planish.geometry import depths
 from planish.geometry import project as at_pixels
+from planish.geometry.guards import TINY_AREA_PX
 from planish.mesh import rasterize
 from planish.parallel import thread_pool
 from planish.types import Bools, Camera, Floats, Ints
@@ -162,7 +163,7 @@ def page_per_pixel(pixel_xy: Floats, page_xy: Floats, faces: Ints) -> Floats:
     page = np.stack([page_xy[b] - page_xy[a], page_xy[c] - page_xy[a]], axis=2)
     area = pixel[:, 0, 0] * pixel[:, 1, 1] - pixel[:, 0, 1] * pixel[:, 1, 0]
     adjugate = np.stack([pixel[:, 1, 1], -pixel[:, 0, 1], -pixel[:, 1, 0], pixel[:, 0, 0]], axis=1).reshape(-1, 2, 2)
-    nonzero_area = np.where(np.abs(area) > 1e-9, area, np.inf)
+    nonzero_area = np.where(np.abs(area) > TINY_AREA_PX, area, np.inf)
     slope: Floats = page @ adjugate / nonzero_area[:, None, None]
     return slope
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
+from planish.geometry.guards import TINY
 from planish.geometry.resection import resect
 from planish.geometry.viewpoint import MAX_MISFIT_PX, MIN_REGULAR, SAMPLE
 from planish.types import Bools, Floats, Ints
@@ -144,7 +145,7 @@ def _candidates(points: Floats, pixels: Floats, kept: Bools) -> Iterator[tuple[F
     extent = float(np.abs(points - middle).max())
     affine, misfit = _fitted(np.c_[points - middle, np.ones(len(points))], pixels, kept)
     along = np.cross(*affine[:3].T)
-    yield misfit, middle + FAR * extent * along / max(float(np.linalg.norm(along)), 1e-300)
+    yield misfit, middle + FAR * extent * along / max(float(np.linalg.norm(along)), TINY)
     if (camera := resect(points[kept], pixels[kept])) is not None:
         seen = points @ camera[:, :3].T + camera[:, 3]
         eye: Floats = -np.linalg.lstsq(camera[:, :3], camera[:, 3], rcond=None)[0].astype(np.float64)
@@ -152,7 +153,7 @@ def _candidates(points: Floats, pixels: Floats, kept: Bools) -> Iterator[tuple[F
     if (np.sign(points[:, 2]) == np.sign(points[0, 2])).all() and np.abs(points[:, 2]).min() > 1e-3 * extent:
         slope = points[:, :2] / points[:, 2:]
         slope = slope - slope.mean(axis=0)
-        x, y = slope.T / max(float(np.abs(slope).max()), 1e-300)
+        x, y = slope.T / max(float(np.abs(slope).max()), TINY)
         terms = np.stack([x**i * y**j for i in range(DEGREE + 1) for j in range(DEGREE + 1 - i)], axis=1)
         if len(points) > 5 * terms.shape[1]:
             yield _fitted(terms, pixels, kept)[1], np.zeros(3)

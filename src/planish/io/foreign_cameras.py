@@ -15,6 +15,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from planish.errors import InputError
+from planish.geometry.guards import TINY
 from planish.io.text import as_text
 
 Json = dict[str, Any]
@@ -215,7 +216,7 @@ def _from_metashape(path: Path, root: ElementTree.Element, photo_name: str | Non
         if own is None or transform is None:
             continue
         pose = placed @ _numbers(path, "transform", (transform.text or "").split(), 16).reshape(4, 4)
-        turn = pose[:3, :3] / max(np.cbrt(abs(np.linalg.det(pose[:3, :3]))), 1e-300)
+        turn = pose[:3, :3] / max(np.cbrt(abs(np.linalg.det(pose[:3, :3]))), TINY)
         label = camera.get("label", "")
         found[_photo_of_label(label, photo_name)] = {
             **own,

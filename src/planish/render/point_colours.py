@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import distance_transform_edt
 
+from planish.geometry.guards import TINY
 from planish.mesh import rasterize
 from planish.types import Floats, Pixels, Scan
 
@@ -32,7 +33,7 @@ def picture_of_colours(scan: Scan, page_xy: Floats, size_mm: tuple[float, float]
         The page's corner (0, 0) lies at pixel (-0.5, -0.5).
     """
     assert scan.colours is not None
-    area = max(size_mm[0] * size_mm[1], 1e-12)
+    area = max(size_mm[0] * size_mm[1], TINY)
     px_per_mm = min(FINER * (len(page_xy) / area) ** 0.5, (MOST_PIXELS / area) ** 0.5)
     shape_rc = max(8, int(np.ceil(size_mm[1] * px_per_mm))), max(8, int(np.ceil(size_mm[0] * px_per_mm)))
     faces = scan.mesh.faces

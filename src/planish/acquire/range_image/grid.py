@@ -124,7 +124,7 @@ def plausible_origin(points: Floats) -> Floats | None:
     extent = float(np.linalg.norm(np.ptp(points, axis=0)))
     if not distance_mm.min() > MIN_DISTANCE * extent or np.median(distance_mm) > MAX_DISTANCE_MM:
         return None
-    along = np.abs(np.median(points, axis=0)) / max(float(np.linalg.norm(np.median(points, axis=0))), 1e-12)
+    along = np.abs(np.median(points, axis=0)) / max(float(np.linalg.norm(np.median(points, axis=0))), TINY_MM)
     if not along.max() > ALONG_AXIS:
         return None
     directions = points / distance_mm[:, None]
