@@ -287,7 +287,7 @@ def test_commands_from_squared_paper_to_scan(book, paper, tmp_path, capsys):
     assert "squares rms from their grid" in said.out
     planes, _, notes = read_rig(rig)
     assert planes.shape == (2, 4)
-    assert "--square-mm" in notes[0]
+    assert "--square-mm" in notes[0].sentence
     assert run(command) == 3
     assert "has no focal length in its EXIF data" in capsys.readouterr().err
     write_rig(rig, book[0].planes[0], book[0].camera)
