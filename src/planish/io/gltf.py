@@ -132,7 +132,9 @@ def _placement(document: Document, node: Json) -> Floats:
     if "matrix" in node:
         return document.numbers(node, "matrix", [0.0] * 16).reshape(4, 4).T
     placed = np.eye(4)
-    placed[:3, :3] = Rotation.from_quat(document.numbers(node, "rotation", [0, 0, 0, 1])).as_matrix()
+    quaternion = document.numbers(node, "rotation", [0, 0, 0, 1])
+    if np.any(quaternion):  # some programs write 0 0 0 0 for no rotation
+        placed[:3, :3] = Rotation.from_quat(quaternion).as_matrix()
     placed[:3, :3] *= document.numbers(node, "scale", [1, 1, 1])
     placed[:3, 3] = document.numbers(node, "translation", [0, 0, 0])
     return placed
