@@ -59,7 +59,7 @@ def test_the_page_is_that_of_the_command_line(server, scan, finished, tmp_path):
 
 def test_progress_follows_the_order_of_the_stages(finished):
     stages = list(dict.fromkeys(told["stage"] for told in finished[1] if told["stage"]))
-    order = ["read", "clean", "flatten", "turn", "render", "unshade", "binarize", "measure", "write"]
+    order = ["read", "clean", "flatten", "turn", "render", "unshade", "measure", "binarize", "write"]
     assert stages == [stage for stage in order if stage in stages]
     assert len(stages) >= 2  # short stages may end between two events
 

@@ -7,8 +7,8 @@ const STAGES = [
   ["turn", "Orienting the page"],
   ["render", "Rendering the page"],
   ["unshade", "Removing the shading"],
-  ["binarize", "Binarizing"],
   ["measure", "Measuring"],
+  ["binarize", "Binarizing"],
   ["write", "Writing"],
 ];
 const WITHIN = { split: "turn", text: "measure", look: "write" };
