@@ -247,8 +247,9 @@ def _rotation(path: Path, told: dict[str, Any]) -> Floats:
     rotation = _numbers(path, "rotation", told.get("rotation", np.eye(3)), (3, 3), (3,))
     if rotation.shape == (3,):
         rotation = Rotation.from_rotvec(rotation).as_matrix()
-    off = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
-    if off > _NOT_ORTHOGONAL or np.linalg.det(rotation) < 0:
+    with np.errstate(over="ignore", invalid="ignore"):  # then it is no rotation
+        off = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
+    if not off <= _NOT_ORTHOGONAL or np.linalg.det(rotation) < 0:
         raise InputError(
             f"{path}: “rotation” is no rotation matrix (its rows are off by {off:.2g}, its determinant is"
             f" {np.linalg.det(rotation):.3g}; 0 and 1 are wanted)"

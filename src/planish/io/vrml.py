@@ -22,7 +22,6 @@ Node = dict[str, Any]
 
 _TOKEN = re.compile(r'"(?:[^"\\]|\\.)*"|[\[\]{}]|[^\s,\[\]{}"#]+|#[^\n]*')
 _DEEPEST = 100
-_NODE_FIELDS = ("geometry", "appearance", "texture", "coord", "texCoord", "color", "material")
 
 
 def read_x3d(path: Path, data: bytes, inside: Path | None = None) -> FileMesh:
@@ -127,24 +126,25 @@ class _Tokens:
                 values = []
                 while self.peek() != "]":
                     values.append(self.take())
-                node[key] = values
+                _store(node, key, values)
             self.take()
         elif self.is_node():
-            child = self.node(depth + 1)
-            node[key] = child
-            node["children"].append(child)
+            node["children"].append(self.node(depth + 1))
         else:
             values = []
             while _is_value(self.peek()):
                 values.append(self.take())
-            if not values and self.peek() not in ("}", ""):
-                values = []  # a field without a value: the next word is a field again
-            node[key] = values
+            _store(node, key, values)  # without a value the next word is a field again
 
     def is_node(self) -> bool:
         token = self.peek()
         ahead = self.tokens[self.at + 1] if self.at + 1 < len(self.tokens) else ""
         return token in ("DEF", "USE") or (ahead == "{" and token not in ("{", "}", "[", "]"))
+
+
+def _store(node: Node, key: str, values: list[str]) -> None:
+    if key not in ("", "children"):  # ours, not fields
+        node[key] = values
 
 
 def _is_value(token: str) -> bool:
@@ -158,7 +158,7 @@ def _from_xml(element: Element, named: dict[str, Node], depth: int) -> Node:
     if depth > _DEEPEST:
         return node
     for key, value in element.attrib.items():
-        node[key] = re.findall(r'"[^"]*"|[^\s,"]+', value)
+        _store(node, key, re.findall(r'"[^"]*"|[^\s,"]+', value))
     for child in element:
         inner = _from_xml(child, named, depth + 1)
         node["children"].append(inner)
@@ -193,7 +193,13 @@ def _shapes(path: Path, nodes: list[Node], above: Floats, depth: int) -> Iterato
 
 
 def _numbers(path: Path, node: Node, key: str, width: int = 1) -> Floats:
-    return numbers_in(path, " ".join(node.get(key, [])), width)
+    return numbers_in(path, " ".join(_words(node, key)), width)
+
+
+def _words(node: Node, key: str) -> list[str]:
+    """The words of a field; none where it is not there, or holds a node."""
+    value = node.get(key, [])
+    return value if isinstance(value, list) else []
 
 
 def _placed(path: Path, node: Node) -> Floats:
@@ -234,7 +240,7 @@ def _part(
         three = plain[: len(plain) // 3 * 3].reshape(-1, 3)
         index = np.c_[three, np.full(len(three), -1)].ravel().astype(np.int64)
     sizes, corners = _polygons(index)
-    if (geometry.get("ccw", ["TRUE"])[0]).strip('"').upper() == "FALSE":
+    if [word.strip('"').upper() for word in _words(geometry, "ccw")] == ["FALSE"]:
         first = np.repeat(np.cumsum(sizes) - sizes, sizes)
         corners = corners[2 * first + np.repeat(sizes, sizes) - 1 - np.arange(len(corners))]
     uv = uv_corners = None
@@ -247,15 +253,15 @@ def _part(
     name, image = "", None
     appearance = _child(shape, "Appearance")
     picture = None if appearance is None else _child(appearance, "ImageTexture")
-    if picture is not None and picture.get("url"):
-        name = picture["url"][0].strip('"')
+    if picture is not None and _words(picture, "url"):
+        name = _words(picture, "url")[0].strip('"')
         found: Image | None
         found, missing = find_image(path, name, inside)
         image = found
         warnings += [one for one in missing if one not in warnings]
     colour = _child(geometry, "Color", "ColorRGBA")
     colours = None
-    if colour is not None and not geometry.get("colorIndex"):
+    if colour is not None and not _words(geometry, "colorIndex"):
         rgb = _numbers(path, colour, "color", 4 if colour[""] == "ColorRGBA" else 3)[:, :3]
         if len(rgb) == len(points):
             colours = to_uint8(np.rint(np.clip(np.nan_to_num(rgb), 0, 1) * 65535).astype(np.uint16))
