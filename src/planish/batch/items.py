@@ -12,10 +12,9 @@ from pathlib import Path, PurePosixPath
 
 from planish.errors import InputError
 from planish.io.files import is_tifxyz
-from planish.settings import Units
+from planish.settings import MESH_SUFFIXES, Units
 
-SCANS = {".obj", ".ply", ".glb", ".gltf"}
-IMAGES = {".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp", ".bmp", ".jp2", ".ppm"}
+IMAGES = {".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp", ".bmp", ".jp2", ".ppm", ".heic", ".avif", ".dng"}
 RESERVED = ("summary.html", "summary.csv", "summary.jsonl")
 """File names in the output folder that no item may take."""
 MAX_NAME_BYTES = 200
@@ -107,7 +106,7 @@ def find_items(folder: Path) -> ScanList:
             named_scans.append((item, safe_name(full_path)))
     if not named_scans:
         raise InputError(
-            f"{folder} contains no scan: expected OBJ, PLY, GLB or glTF files or tifxyz folders in it or its subfolders"
+            f"{folder} contains no scan: expected meshes (OBJ, PLY, GLB, glTF, STL, ...) or tifxyz folders"
             + "".join(f"; {note}" for note in notes)
         )
     return ScanList(sorted(_resolve_name_conflicts(named_scans), key=lambda item: item.name), notes, folder)
@@ -190,7 +189,7 @@ def _walk_folders(top: Path, notes: list[str]) -> Iterator[tuple[set[str], list[
                     scans.append(path)
                 else:
                     pending.append((path, ancestors | {folder_id}))
-            elif path.suffix.lower() in SCANS and (entry.is_file() or entry.is_symlink()):
+            elif path.suffix.lower() in MESH_SUFFIXES and (entry.is_file() or entry.is_symlink()):
                 scans.append(path)
             elif path.suffix.lower() in IMAGES and entry.is_file():
                 images.append(path)

@@ -8,10 +8,11 @@ from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from planish.batch.items import MAX_NAME_BYTES, RESERVED, SCANS, Item, ScanList, conflicting_names, safe_name
+from planish.batch.items import MAX_NAME_BYTES, RESERVED, Item, ScanList, conflicting_names, safe_name
 from planish.errors import InputError
 from planish.io.files import read_bytes
 from planish.io.units import is_unit
+from planish.settings import MESH_SUFFIXES
 
 COLUMNS = ("scan", "photo", "camera", "name", "units")
 
@@ -40,7 +41,7 @@ def read_list(path: Path) -> ScanList:
     ...     item.name, item.photo[0].name
     ('a/1', '1.jpg')
     """
-    if path.suffix.lower() in SCANS:
+    if path.suffix.lower() in MESH_SUFFIXES:
         raise InputError(f"{path} is a single scan, not a folder of scans or a list; use planish restore for it")
     path = path.absolute()  # workers may have another working directory
     try:

@@ -31,7 +31,7 @@ def flatten(
     Parameters
     ----------
     mesh
-        OBJ, PLY, GLB or glTF, or a tifxyz folder.
+        OBJ, PLY, GLB, glTF, STL, OFF, 3MF, DAE, X3D, VRML or USDZ, or a tifxyz folder.
     output
         The flattened mesh: .obj, .ply or .glb, or a folder for tifxyz (with --as uv). A .ply includes strain and
         expected error per point.

@@ -9,12 +9,11 @@ from pathlib import Path
 
 from PIL import Image
 
-from planish.settings import ServeSettings
+from planish.settings import MESH_SUFFIXES, ServeSettings
 from planish.web.form import Form
 from planish.web.problems import HTTPProblem
 from planish.web.unpack import unpack
 
-MESHES = {".obj": "OBJ", ".ply": "PLY", ".glb": "GLB", ".gltf": "glTF"}
 IMAGES = {
     **dict.fromkeys((".jpg", ".jpeg"), "JPEG"),
     ".png": "PNG",
@@ -74,10 +73,12 @@ def inspect_upload(form: Form, folder: Path, limits: ServeSettings) -> Upload:
     _check_kinds(form)
     if {path.name for path in files} >= _TIFXYZ_FILES:
         return _upload(".", form.files["photo"], form.files["camera"], title if zips else "tifxyz")
-    meshes = [path for path in files if path.suffix.lower() in MESHES]
+    meshes = [path for path in files if path.suffix.lower() in MESH_SUFFIXES]
     if len(meshes) != 1:
         what = "no mesh is" if not meshes else f"{len(meshes)} meshes are"
-        raise HTTPProblem(422, f"{what} among the files; expected one OBJ, PLY, GLB or glTF, or the files of a tifxyz")
+        raise HTTPProblem(
+            422, f"{what} among the files; expected one (OBJ, PLY, GLB, glTF, STL, ...), or the files of a tifxyz"
+        )
     photo, camera = form.files["photo"], form.files["camera"]
     if not photo and not _references_image(meshes[0], files):
         photo, camera = _find_photo_and_camera(files, camera)
@@ -104,7 +105,7 @@ def _unpack_zip(path: Path, folder: Path, limits: ServeSettings) -> list[Path]:
 
 def _keep_or_delete(path: Path) -> bool:
     """Whether an unpacked file may belong to a scan; others are deleted."""
-    keep = path.suffix.lower() in (*MESHES, *IMAGES, *_COMPANION_SUFFIXES)
+    keep = path.suffix.lower() in (*MESH_SUFFIXES, *IMAGES, *_COMPANION_SUFFIXES)
     if not keep:
         path.unlink()
     return keep
@@ -112,7 +113,7 @@ def _keep_or_delete(path: Path) -> bool:
 
 def _check_file(path: Path, limits: ServeSettings) -> None:
     suffix, name = path.suffix.lower(), ascii(path.name)
-    if suffix not in (*MESHES, *IMAGES, *_COMPANION_SUFFIXES):
+    if suffix not in (*MESH_SUFFIXES, *IMAGES, *_COMPANION_SUFFIXES):
         raise HTTPProblem(415, f"{name} has an unsupported file type; send OBJ, PLY, GLB or glTF, photos, or one zip")
     if path.stat().st_size == 0:
         raise HTTPProblem(422, f"{name} is empty (0 bytes); was it copied completely?")
