@@ -39,8 +39,8 @@ def restore(
     Parameters
     ----------
     scan
-        The scan: OBJ, PLY, GLB, glTF, STL, OFF, 3MF, DAE, X3D, VRML or USDZ, or a tifxyz folder, with a photo as texture or
-        given by --photo.
+        The scan: OBJ, PLY, GLB, glTF, STL, OFF, 3MF, DAE, X3D, VRML or USDZ, or a tifxyz folder, with a photo as
+        texture or given by --photo.
     output
         The page to write: .tif, .png, .jpg or .pdf, with its dpi as metadata.
     photo

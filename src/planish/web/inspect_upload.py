@@ -76,9 +76,7 @@ def inspect_upload(form: Form, folder: Path, limits: ServeSettings) -> Upload:
     meshes = [path for path in files if path.suffix.lower() in MESH_SUFFIXES]
     if len(meshes) != 1:
         what = "no mesh is" if not meshes else f"{len(meshes)} meshes are"
-        raise HTTPProblem(
-            422, f"{what} among the files; expected one (OBJ, PLY, GLB, glTF, STL, ...), or the files of a tifxyz"
-        )
+        raise HTTPProblem(422, f"{what} among the files; expected one (OBJ, PLY, glTF, STL, ...), or a tifxyz")
     photo, camera = form.files["photo"], form.files["camera"]
     if not photo and not _references_image(meshes[0], files):
         photo, camera = _find_photo_and_camera(files, camera)
