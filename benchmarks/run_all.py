@@ -126,7 +126,11 @@ SECTIONS = {
         "What hangs on each threshold",
         "Every constant that something is compared with, halved and doubled, one at a time. Those with which nothing "
         "changes are not tuned to these sheets. Where half or twice spoils a sheet, the value is tuned: the comment "
-        "beside it must say what it rests on.",
+        "beside it must say what it rests on. Shown are some that decide whether noise is there, which way up a page "
+        "is, where a book is split and what is paper; without names all are tried, with `--rooms` those of some rooms. "
+        "None of the sheets has spikes, so that `FAR_OFF` is not put to the test here.",
+        "BUCKLED STEEP SIZE_SETTLED FAR_OFF FARTHEST MIN_REGULAR SURE TEXT_LINES MIN_TURN_DEG MIN_AGREEMENT MAX_ASIDE "
+        "MIN_CONTRAST --rooms surface geometry document",
     ),
     "random_sheets": (
         "Ten thousand random sheets",

@@ -182,10 +182,13 @@ def main() -> None:
     parser.add_argument("names", nargs="*", metavar="NAME")
     parser.add_argument("--rooms", nargs="+", default=list(ROOMS), choices=ROOMS)
     asked = parser.parse_args()
+    found = {room: list(thresholds(room)) for room in asked.rooms}
+    if unknown := set(asked.names) - {t.name for room in asked.rooms for t in found[room]}:
+        parser.error(f"nothing is compared with {', '.join(sorted(unknown))} in these rooms")
     print(f"{machine()}\n\n| threshold | value (half, twice) | halved | doubled |\n|---|---|---|---|", flush=True)
     nothing, made = [], {}
     for room in asked.rooms:
-        chosen = [t for t in thresholds(room) if not asked.names or t.name in asked.names]
+        chosen = [t for t in found[room] if not asked.names or t.name in asked.names]
         for maker in ROOMS[room] if chosen else ():
             made[maker] = made.get(maker) or list(maker())
         cases = [case for maker in ROOMS[room] for case in made.get(maker, ())]
