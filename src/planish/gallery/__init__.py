@@ -2,6 +2,7 @@
 
 from planish.gallery.light import Light
 from planish.gallery.meshes import OUTLINES, sheet_mesh
+from planish.gallery.noise import NoiseSpec
 from planish.gallery.scanner import VirtualScan, virtual_scan
 from planish.gallery.sheets import SHEETS, Sheet, sheet
 from planish.gallery.typeset import typeset_page, typeset_sheet
@@ -10,6 +11,7 @@ __all__ = [
     "OUTLINES",
     "SHEETS",
     "Light",
+    "NoiseSpec",
     "Sheet",
     "VirtualScan",
     "sheet",

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy import spatial
 
 from planish.errors import UsageError
-from planish.gallery.noise import Noise, noise_at
+from planish.gallery.noise import Noise, NoiseSpec, noise_at, noise_spec, rounded, thinned
 from planish.gallery.sheets import Sheet
 from planish.mesh import grid_faces, without_small_components
 from planish.types import Bools, Floats, Ints, Mesh
@@ -49,6 +49,7 @@ def sheet_mesh(
     cuts: Sequence[Segment] = (),
     noise_mm: Noise = 0.0,
     noise_correlation_px: float = 0.0,
+    noise: NoiseSpec | None = None,
     rng: np.random.Generator | int = 0,
 ) -> tuple[Mesh, Floats]:
     """Lay a triangle mesh over a whole sheet, also where no scanner would see it.
@@ -71,7 +72,9 @@ def sheet_mesh(
     noise_mm : float or (float, float)
         Standard deviation of the errors; two numbers: from the top left to the bottom right corner.
     noise_correlation_px : float
-        Over how many points the errors are alike; see `noise.noise_at`.
+        Over how many points the errors are alike; see `NoiseSpec`.
+    noise : NoiseSpec, optional
+        Instead of these two: errors of every kind. Steps are those of the height over the table.
     rng : numpy.random.Generator or int
         Source of all that is random here, or its seed.
 
@@ -100,11 +103,18 @@ def sheet_mesh(
     page_xy, lattice_rc = page_xy[used], lattice_rc[used]
 
     points_xyz = sheet.bend(page_xy)
-    error = noise_at(lattice_rc, page_xy / size, noise_mm, noise_correlation_px, rng, 3 if layout == "delaunay" else 1)
+    spec = noise_spec(noise, noise_mm, noise_correlation_px)
+    error = noise_at(lattice_rc, page_xy / size, spec, rng, 3 if layout == "delaunay" else 1)
     if layout != "delaunay":
         ray = points_xyz - SCANNER_MM
         error = error * ray / np.linalg.norm(ray, axis=1, keepdims=True)
-    return Mesh.owned(points_xyz + error, faces), page_xy
+    points_xyz = points_xyz + error
+    if spec.step_mm:
+        points_xyz[:, 2] = rounded(points_xyz[:, 2], spec.step_mm)
+    if spec.keep < 1:
+        used, faces = thinned(page_xy, spec.keep, rng)
+        points_xyz, page_xy = points_xyz[used], page_xy[used]
+    return Mesh.owned(points_xyz, faces), page_xy
 
 
 def _range_layout(sheet: Sheet, points: int, rng: np.random.Generator) -> tuple[Floats, Ints, NDArray[np.int64]]:

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from planish.dpi import px_to_mm
 from planish.errors import UsageError
 from planish.gallery.light import Light
-from planish.gallery.noise import Noise, noise_at
+from planish.gallery.noise import Noise, NoiseSpec, noise_at, noise_spec, rounded, thinned
 from planish.gallery.photograph import photograph
 from planish.gallery.pixel_to_page import (
     FineMesh,
@@ -71,6 +71,7 @@ def virtual_scan(
     photo_px: tuple[int, int] | None = (4000, 3000),
     noise_mm: Noise = 0.0,
     noise_correlation_px: float = 0.0,
+    noise: NoiseSpec | None = None,
     turn_deg: float = 5.0,
     tilt_deg: float = 0.0,
     frame: Literal["table", "camera"] = "table",
@@ -96,7 +97,9 @@ def virtual_scan(
         Standard deviation of the range errors, along the ray; two numbers: from the top left to the bottom right
         corner of the sheet.
     noise_correlation_px : float
-        Over how many pixels of the range image they are alike; see `noise.noise_at`.
+        Over how many pixels of the range image they are alike; see `NoiseSpec`.
+    noise : NoiseSpec, optional
+        Instead of these two: errors of every kind. Steps are those of the depth before the camera.
     turn_deg : float
         Of the page in the photo, clockwise.
     tilt_deg : float
@@ -128,7 +131,8 @@ def virtual_scan(
     _check_size(page, sheet)
     camera = overhead_camera(sheet, photo_px or (1000, 750), turn_deg, tilt_deg)
     fine = fine_mesh(sheet, _cell_mm(sheet, points, photo_px))
-    cloud, faces, truth_xy = _range_image(sheet, fine, camera, points, noise_mm, noise_correlation_px, rng)
+    spec = noise_spec(noise, noise_mm, noise_correlation_px)
+    cloud, faces, truth_xy = _range_image(sheet, fine, camera, points, spec, rng)
     photo_xy, _ = project(camera, cloud)
     photo = photograph(sheet, fine, page, camera, light, grain, rng) if photo_px else None
     if frame == "camera":
@@ -167,8 +171,7 @@ def _range_image(
     fine: FineMesh,
     camera: Camera,
     points: int,
-    noise_mm: Noise,
-    correlation_px: float,
+    noise: NoiseSpec,
     rng: np.random.Generator,
 ) -> tuple[Floats, Ints, Floats]:
     """Measure the sheet through the camera: points, faces, and the points' true places on the page."""
@@ -186,14 +189,23 @@ def _range_image(
 
     cloud = sheet.bend(page_xy)
     place = page_xy / [sheet.width_mm, sheet.height_mm]
-    error = noise_at(np.stack(seen, axis=1), place, noise_mm, correlation_px, rng)
+    error = noise_at(np.stack(seen, axis=1), place, noise, rng)
     ray = cloud + camera.rotation.T @ camera.translation
     cloud = cloud + error * ray / np.linalg.norm(ray, axis=1, keepdims=True)
+    if noise.step_mm:
+        depth = cloud @ camera.rotation[2] + camera.translation[2]
+        cloud = cloud + (rounded(depth, noise.step_mm) / depth - 1)[:, None] * (
+            cloud + camera.rotation.T @ camera.translation
+        )
 
     in_camera = cloud @ camera.rotation.T + camera.translation
     pixel_mm = in_camera[:, 2].mean() / (camera.matrix[0, 0] * zoom)
     used, faces = without_small_components(grid_faces(index, in_camera, STEEPEST * pixel_mm), len(cloud))
-    return cloud[used], faces, page_xy[used]
+    cloud, page_xy = cloud[used], page_xy[used]
+    if noise.keep < 1:
+        used, faces = thinned(page_xy, noise.keep, rng)
+        cloud, page_xy = cloud[used], page_xy[used]
+    return cloud, faces, page_xy
 
 
 def _cell_mm(sheet: Sheet, points: int, photo_px: tuple[int, int] | None) -> float:

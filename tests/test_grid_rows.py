@@ -1,0 +1,41 @@
+"""The viewpoint of a range image, from the rows and columns of a bare mesh."""
+
+import numpy as np
+import pytest
+
+from planish.gallery import sheet, sheet_mesh, virtual_scan
+from planish.geometry.grid_rows import viewpoint_of_rows
+from planish.mesh import grid_faces, topology
+from planish.types import Page
+
+BLANK = Page(np.full((60, 50), 255, np.uint8), np.ones((60, 50), bool), 25.4), ""
+
+
+@pytest.mark.parametrize("noise_mm", [0.0, 0.05, 0.5])
+def test_a_range_scan_shows_where_it_was_taken_from(noise_mm):
+    paper = sheet("wave", width_mm=50.0, height_mm=60.0)
+    made = virtual_scan(paper, points=8000, photo_px=None, printed=BLANK, noise_mm=noise_mm, rng=1)
+    camera = made.scan.camera
+    edges = topology(made.scan.mesh.faces, len(made.truth_xy)).edges
+    eye = viewpoint_of_rows(made.scan.mesh.points, edges)
+    # The surface is shallow beside the distance: along the view the place is less sure, and matters less.
+    np.testing.assert_allclose(eye, -camera.rotation.T @ camera.translation, atol=1.5)
+
+
+def test_a_mesh_without_rows_or_with_errors_in_all_directions_shows_nothing():
+    random, _ = sheet_mesh(sheet("wave"), 5000, layout="delaunay")
+    assert viewpoint_of_rows(random.points, topology(random.faces, len(random.points)).edges) is None
+    grid, _ = sheet_mesh(sheet("wave"), 5000, layout="grid")
+    points = grid.points + np.random.default_rng(0).normal(0, 0.1, grid.points.shape)
+    assert viewpoint_of_rows(points, topology(grid.faces, len(points)).edges) is None
+
+
+def test_holes_in_the_image_do_not_matter():
+    rng = np.random.default_rng(2)
+    known = rng.random((40, 50)) > 0.1
+    index = np.where(known, np.cumsum(known).reshape(known.shape) - 1, -1).astype(np.int32)
+    row, col = np.nonzero(known)
+    depth = 400 + 20 * np.sin(col / 9) + 12 * np.cos(row / 7) + rng.normal(0, 0.3, len(row))
+    points = np.stack([(col - 25) / 900, (row - 20) / 900, np.ones(len(row))], axis=1) * depth[:, None]
+    eye = viewpoint_of_rows(points, topology(grid_faces(index, points), len(points)).edges)
+    np.testing.assert_allclose(eye, 0, atol=0.5)
