@@ -101,9 +101,9 @@ def _aligned(points: Floats, edges: Ints, run: Pixels, column: Pixels) -> Pixels
     above, below, shift = above[first], below[first], shift[first]
     few = size < 0.2 * _largest_of_pair(size, above * count + below)
     order = np.lexsort((np.where(few, np.inf, mean), below, above))
-    above, below, shift = above[order], below[order], shift[order]
+    above, below, shift, size = above[order], below[order], shift[order], size[order]
     first = np.flatnonzero(np.r_[True, (np.diff(above) != 0) | (np.diff(below) != 0)])
-    return _laid_out(above[first], below[first], shift[first], run, column, count)
+    return _laid_out(above[first], below[first], shift[first], size[first], run, column, count)
 
 
 def _largest_of_pair(size: Pixels, pair: Pixels) -> Pixels:
@@ -111,11 +111,13 @@ def _largest_of_pair(size: Pixels, pair: Pixels) -> Pixels:
     return np.repeat(np.maximum.reduceat(size, first), np.diff(np.r_[first, len(pair)]))
 
 
-def _laid_out(above: Pixels, below: Pixels, shift: Pixels, run: Pixels, column: Pixels, count: int) -> Pixels | None:
-    """Row and shift of every run, from pairs of runs that lie below each other, along a spanning tree."""
-    link = sparse.coo_matrix((np.arange(1, len(above) + 1), (above, below)), shape=(count, count)).tocsr()
-    largest = int(np.bincount(run).argmax())
-    order, parent = sparse.csgraph.breadth_first_order(link + link.T, largest, directed=False)
+def _laid_out(
+    above: Pixels, below: Pixels, shift: Pixels, edges: Pixels, run: Pixels, column: Pixels, count: int
+) -> Pixels | None:
+    """Row and shift of every run, from pairs of runs that lie below each other, those with the most edges first."""
+    link = sparse.coo_matrix((1 / edges, (above, below)), shape=(count, count)).tocsr()
+    tree = sparse.csgraph.minimum_spanning_tree(link)
+    order, parent = sparse.csgraph.breadth_first_order(tree, int(np.bincount(run).argmax()), directed=False)
     down = {(int(a), int(b)): int(s) for a, b, s in zip(above, below, shift, strict=True)}
     row, start = np.zeros(count, np.int64), np.zeros(count, np.int64)
     for r in map(int, order[1:]):

@@ -46,16 +46,18 @@ def angle_defects(rest: Floats, faces: Ints, topology: Topology, point_count: in
     return np.abs(2 * np.pi - sums[inner])
 
 
-def ring_noise(points: Floats, rows: Rows, ring: Ring, parallel_for: ParallelFor) -> NDArray[np.float32]:
+def ring_noise(
+    points: Floats, rows: Rows, ring: Ring, parallel_for: ParallelFor, fewest: int = 5
+) -> NDArray[np.float32]:
     """(n,) size [mm] of the noise of every point, if it is white: how far it stands out of its ring.
 
     Bending cancels in the difference of a point's height over its ring and the ring's mean height; noise does not.
-    NaN where a point has fewer than five neighbours. Noise that
+    NaN where a point has fewer than `fewest` neighbours. Noise that
     is alike over several pixels cancels too, and is not seen here.
     """
     height, off = np.empty(len(points), np.float32), np.empty(len(points), np.float32)
     parallel_for(_heights, len(points), points, rows, ring, height)
-    parallel_for(_less_ring, len(points), height, ring, off)
+    parallel_for(_less_ring, len(points), height, ring, fewest, off)
     return np.asarray(np.abs(off) / np.float32(RING_GAIN), np.float32)
 
 
@@ -194,12 +196,12 @@ def _heights(first, last, points, rows, ring, out):  # type: ignore[no-untyped-d
 
 
 @njit(cache=True, nogil=True)
-def _less_ring(first, last, height, ring, out):  # type: ignore[no-untyped-def]
+def _less_ring(first, last, height, ring, fewest, out):  # type: ignore[no-untyped-def]
     for i in range(first, last):
         count, mean = ring.start[i + 1] - ring.start[i], 0.0
         for q in range(ring.start[i], ring.start[i + 1]):
             mean += height[ring.neighbour[q]]
-        out[i] = height[i] - mean / count if count >= 5 else np.nan
+        out[i] = height[i] - mean / count if count >= fewest else np.nan
 
 
 @njit(cache=True, nogil=True)

@@ -22,7 +22,7 @@ PATCHES, ROOM = 200, 900
 UNKNOWNS = 6
 
 
-SATURATED = 1.75
+SATURATED = (1.5, 2.1, 1.75)
 """Noise stops growing with the radius of the patch once that is longer than the noise; bends do not."""
 
 PATCH_OF_MESH = 4
@@ -55,7 +55,7 @@ def noise_scale(points: Floats, rows: Rows, ring: Ring, least: float, parallel_f
         if not known.any():
             break
         small, large = np.median(off[known, k]), np.median(off[known, k + 1])
-        if small > least and large < SATURATED * small:
+        if small > least and large < SATURATED[k] * small:
             return NoiseScale(float(large), float(np.median(alike[known, k + 1])))
     return NoiseScale(0.0, 0.0)
 

@@ -52,6 +52,8 @@ does raw, and a little: NOISY_SLACK after smoothing, else CLEAN_SLACK. Right one
 raw ones; those of a coarse mesh whose points sit on its folds 30,000 times as much (crumpled_developable)."""
 
 SHARED, SHARED_WIDELY, STRONG = 0.45, 0.7, 0.25
+ROUGH = 0.4
+RIPPLED = 0.75
 SHARED_REACH, SHARED_REACH_AT_MOST = 2.0, 0.2
 SHARED_LEFT = 0.6
 STEEP = 0.17
@@ -150,7 +152,7 @@ def smooth_lengths(points: Floats, faces: Ints, topology: Topology, *, eye: Floa
     with thread_pool() as parallel_for:
         raw = distances(points, topology.edges)
         scan = look_at(points, faces, topology, raw, parallel_for)
-        spikes, feet, axes = find_spikes(scan.points, scan.rows, scan.ring, scan.ring_noise, scan.spacing, parallel_for)
+        spikes, feet, axes = find_spikes(scan.points, scan.rows, scan.ring, scan.spacing, parallel_for)
         if len(spikes):
             eye = viewpoint_of_rows(points, topology.edges) if eye is None else eye
             points = _without_spikes(points, spikes, feet + scan.middle, axes, eye)
@@ -168,7 +170,7 @@ def smooth_lengths(points: Floats, faces: Ints, topology: Topology, *, eye: Floa
         for tried in (plan, CLEAN) if plan.rounds else (CLEAN,):
             surface = find_surface(scan, tried.rounds, parallel_for, tried.reach)
             moved, left = scan.points, 1.0
-            if tried.reach:
+            if tried.move:
                 moved, left = _onto_plane(scan, surface, eye)
             elif tried.rounds and eye is not None:
                 moved, left = _without_its_noise(scan, surface, eye, parallel_for)
@@ -185,7 +187,7 @@ def smooth_lengths(points: Floats, faces: Ints, topology: Topology, *, eye: Floa
             off = off + np.einsum("ij,ij->i", original - scan.points, surface.normals).astype(np.float32)
         noise = FROM_MEAN * around(scan.points, np.abs(off), scan.spacing, parallel_for)
         length = noise_length(off, topology.edges, scan.spacing)
-        turned = turned_over(moved if tried.reach else scan.points, faces, surface.normals, parallel_for)
+        turned = turned_over(moved if tried.move else scan.points, faces, surface.normals, parallel_for)
     return SmoothLengths(
         rest, surface.normals, noise, float(np.median(noise)), Smoothing.SMOOTHED, turned, left, length, len(spikes)
     )
@@ -197,11 +199,25 @@ def smooth_normals(mesh: Mesh, topology: Topology) -> NDArray[np.float32]:
 
 
 class Plan(NamedTuple):
-    """How a scan is to be smoothed: rounds, least reach (squared difference of normals), slack of the last check."""
+    """How a scan is to be smoothed.
+
+    Attributes
+    ----------
+    rounds : int
+    reach : float
+        Least squared difference of normals up to which neighbours count.
+    slack : float [rad]
+        By how much the sheet may buckle more than it does raw.
+    move : bool
+        Whether points are moved onto the surface; else only what is white is taken out of them, along known rays.
+    steep : bool
+        Whether the mesh is so rough that points are first moved onto quadrics.
+    """
 
     rounds: int
     reach: float
     slack: float
+    move: bool = False
     steep: bool = False
 
 
@@ -214,17 +230,17 @@ def _look_for_noise(scan: Scan, buckling: float, parallel_for: ParallelFor) -> P
     scale = noise_scale(scan.points, scan.rows, scan.ring, BUCKLED * scan.spacing, parallel_for)
     noisy = _is_noisy(buckling, step)
     if scale.alike > SHARED and (not noisy or scale.alike > SHARED_WIDELY or scale.height > STRONG * scan.spacing):
-        return _plan_of_shared(scan, parallel_for)
+        return _plan_of_shared(scan, parallel_for, strong=scale.height > STRONG * scan.spacing)
     if not scale.height and not noisy:
         return CLEAN
     least = scale.height / FROM_MEDIAN
     noise = FROM_MEAN * around(scan.points, scan.ring_noise, scan.spacing, parallel_for, least)
     scan.rows[:, NOISE] = np.maximum((noise / max(float(np.median(noise)), 1e-300)) ** 2, LEAST_NOISE)
     rounds = int(np.clip(ROUNDS_PER_NOISE * np.quantile(noise, NOISIEST) / scan.spacing, FEWEST, MOST))
-    return Plan(rounds, 0.0, NOISY_SLACK)
+    return Plan(rounds, 0.0, NOISY_SLACK, move=scale.height > ROUGH * scan.spacing)
 
 
-def _plan_of_shared(scan: Scan, parallel_for: ParallelFor) -> Plan:
+def _plan_of_shared(scan: Scan, parallel_for: ParallelFor, *, strong: bool = False) -> Plan:
     """Noise that neighbours share makes their normals differ less than it should; so reach does not follow them."""
     a, b = scan.edges[:, 0], scan.edges[:, 1]
     step = scan.rows[a, :3] - scan.rows[b, :3]
@@ -232,11 +248,11 @@ def _plan_of_shared(scan: Scan, parallel_for: ParallelFor) -> Plan:
     count = len(scan.points)
     sums = np.bincount(a, size, count) + np.bincount(b, size, count)
     mean: Floats = sums / np.maximum(np.diff(scan.ring.start), 1)
-    typical_size = float(np.median(mean))
+    typical_size = float(np.quantile(mean, RIPPLED))
     local = around(scan.points, mean, scan.spacing, parallel_for)
     scan.rows[:, NOISE] = np.clip((local / max(typical_size, 1e-9)) ** 2, LEAST_NOISE, 1 / LEAST_NOISE)
     reach = min(SHARED_REACH * typical_size, SHARED_REACH_AT_MOST) ** 2
-    return Plan(MOST, max(reach, 1e-12), math.inf, typical_size > STEEP)
+    return Plan(MOST, reach, math.inf, move=True, steep=strong or typical_size > STEEP)
 
 
 def _is_noisy(buckling: float, step: float) -> bool:

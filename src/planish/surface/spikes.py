@@ -6,11 +6,10 @@ import math
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from planish.geometry.vectors import dot, minus, plus, row, tangents, times, unit
 from planish.parallel import ParallelFor
-from planish.surface.noise import typical
+from planish.surface.noise import ring_noise, typical
 from planish.surface.noise_scale import UNKNOWNS, solve_symmetric
 from planish.surface.normals import AREA, Ring, Rows
 from planish.types import Floats, Ints
@@ -23,6 +22,14 @@ FAR_OFF = 6.0
 
 MOST = 0.02
 """Share of spikes beyond which they are no spikes: the scan is that noisy, or its mesh that coarse."""
+
+USUAL, USUAL_GAIN = 0.75, 1 / 1.15
+"""Quantile that tells how far points are off, and what makes it a standard deviation. Half of all numbers rounded to
+steps may be off by next to nothing."""
+
+FEWEST_NEIGHBOURS = 3
+"""A range image joins a spike to four neighbours or fewer, as its diagonals are the longer ones. Points with no more
+neighbours than this are always looked at: of a lone triangle, not even its own normal tells."""
 
 LONE = 0.05
 """Share of the neighbourhood that may be half as far off: across a crease many are, beside a spike none."""
@@ -38,7 +45,6 @@ def find_spikes(
     points: Floats,
     rows: Rows,
     ring: Ring,
-    ring_noise: NDArray[np.float32],
     spacing: float,
     parallel_for: ParallelFor,
 ) -> tuple[Ints, Floats, Floats]:
@@ -52,10 +58,11 @@ def find_spikes(
     axes : (k, 3) float64
         Unit normals there.
     """
-    limit = max(LOOKED_AT * spacing, OUTSTANDING * typical(ring_noise))
+    off = ring_noise(points, rows, ring, parallel_for, FEWEST_NEIGHBOURS)
+    limit = max(LOOKED_AT * spacing, OUTSTANDING * typical(off))
     doubtful = np.zeros(len(points), np.bool_)
-    parallel_for(_stand_out, len(points), ring_noise, ring, limit, doubtful)
-    some = np.flatnonzero(doubtful | ~np.isfinite(ring_noise)).astype(np.int32)
+    parallel_for(_stand_out, len(points), off, ring, limit, doubtful)
+    some = np.flatnonzero(doubtful | (np.diff(ring.start) <= FEWEST_NEIGHBOURS)).astype(np.int32)
     if doubtful.sum() > 2 * MOST * len(points):
         return some[:0], np.zeros((0, 3)), np.zeros((0, 3))
     feet, axes, far = np.empty((len(some), 3)), np.empty((len(some), 3)), np.zeros(len(some), np.bool_)
@@ -68,14 +75,14 @@ def find_spikes(
 
 
 @njit(cache=True, nogil=True)
-def _stand_out(first, last, ring_noise, ring, limit, doubtful):  # type: ignore[no-untyped-def]
+def _stand_out(first, last, ring_off, ring, limit, doubtful):  # type: ignore[no-untyped-def]
     """Points over the limit, but for neighbours of a spike, which stand out because of it, by a fifth as much."""
     for i in range(first, last):
         most = np.float32(0)
         for q in range(ring.start[i], ring.start[i + 1]):
-            if ring_noise[ring.neighbour[q]] > most:
-                most = ring_noise[ring.neighbour[q]]
-        doubtful[i] = ring_noise[i] > limit and ring_noise[i] > np.float32(0.4) * most
+            if ring_off[ring.neighbour[q]] > most:
+                most = ring_off[ring.neighbour[q]]
+        doubtful[i] = ring_off[i] > limit and ring_off[i] > np.float32(0.4) * most
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -118,7 +125,7 @@ def _compare(first, last, some, points, rows, ring, doubtful, least, feet, axes,
             _fit(terms, height, weight, count, matrix, off)
             for q in range(1, count):
                 weight[q] = abs(off[q])
-            usual = 1.4826 * np.median(weight[1:count])
+            usual = np.quantile(weight[1:count], USUAL) * USUAL_GAIN
             for q in range(1, count):
                 weight[q] = max(0.0, 1.0 - (off[q] / (5.0 * usual + 1e-12)) ** 2) ** 2
         alike = 0
