@@ -110,6 +110,12 @@ SECTIONS = {
         "A batch of ten thousand",
         "Work of the coordinating process, without the restorations.",
     ),
+    "noise": (
+        "Noise of every kind",
+        "Virtual scans of 200,000 points with the errors of real scanners, from bare points and faces; other ways to "
+        "flatten on the same, smaller scans; and real captures, where `../shared` is beside the checkout. White noise "
+        "is every point's own; shared noise is blurred by a Gaussian over so many points.",
+    ),
     "rest_lengths": (
         "Rest lengths in spite of noise",
         "The sticks' energy solved exactly, so that only the rest lengths are judged. Floor: lengths along the true "

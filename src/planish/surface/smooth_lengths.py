@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import Enum
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,47 +17,23 @@ from planish.surface.arc_lengths import lengths_over
 from planish.surface.flipped_faces import turned_over
 from planish.surface.local_quadrics import average_normals, onto_quadrics
 from planish.surface.noise import FROM_MEAN, FROM_MEDIAN, angle_defects, around, noise_length, typical
-from planish.surface.noise_scale import noise_scale
-from planish.surface.normals import NOISE, typical_step
+from planish.surface.noise_plan import CLEAN, plan_for_shared, plan_smoothing
 from planish.surface.rays import GRAZING, onto_surface
 from planish.surface.smooth_surface import Scan, Surface, find_surface, look_at
 from planish.surface.spikes import find_spikes
 from planish.types import Bools, Floats, Ints, Mesh
 
-BUCKLED = 0.003
-"""Noise, in spacings, from which on there is something to smooth. Clean scans read 0 to 0.002 (4,000 to 300,000
-points, regular and random meshes); 0.03 mm of noise alike over 3 pixels reads 0.003 and makes the sheet 0.01 % too
-large, white noise of this size 0.001 %."""
+WORSE = 1.2
+"""Lengths are refused if by them the sheet would buckle (mean angle defect) by more than so many times what it does
+raw, and a little. Right ones buckle half to a hundredth as much as raw ones; those of a coarse mesh whose points sit on
+its folds 30,000 times as much (crumpled_developable). Ripple that runs one way does not buckle raw: not asked there."""
 
-BENT, MOSTLY_NOISE = 3.4, 0.5
-"""The buckling must also make up for enough of what normals of neighbours differ by: for the more, the more they
-do. Its square over theirs is 0.9 to 2.8 for white noise, 0.2 to 0.4 if alike over one pixel, 0.09 to 0.2 over three;
-up to 0.07 on clean random meshes, 0.09 to 0.16 on real ones with 2 to 3 degrees between points (handheld_sheet), which
-smoothing harms. The limit is BENT times the difference in radians, at most MOSTLY_NOISE."""
-
-ROUNDS_PER_NOISE, FEWEST, MOST = 60, 6, 24
-"""Rounds of smoothing for noise of one spacing: 6 at 0.05 mm, 8 at 0.07, 24 at 0.2, 0.5 mm between points. Half as many
-again make normals a tenth better and lengths no better."""
-
-NOISIEST = 0.9
-"""The rounds are right for all but this part of a sheet whose noise varies."""
-
-LEAST_NOISE = 0.1
-"""Of the variance of the typical noise: below, true bends are what normals differ by."""
-
-WORSE, NOISY_SLACK, CLEAN_SLACK = 1.2, 1e-3, 5e-5
-"""Lengths are refused if by them the sheet would buckle (mean angle defect [rad]) by more than so many times what it
-does raw, and a little: NOISY_SLACK after smoothing, else CLEAN_SLACK. Right ones buckle half to a hundredth as much as
-raw ones; those of a coarse mesh whose points sit on its folds 30,000 times as much (crumpled_developable)."""
-
-SHARED, SHARED_WIDELY, STRONG = 0.45, 0.7, 0.25
-ROUGH = 0.4
-RIPPLED = 0.75
-SHARED_REACH, SHARED_REACH_AT_MOST = 2.0, 0.2
 SHARED_LEFT = 0.6
-STEEP = 0.17
-RADII_OF_QUADRICS = (3.0, 5.0, 8.0)
-SIZE_SETTLED = 0.003
+"""Part of shared noise that is still in the page where points moved along their rays: its long waves, which look like
+the sheet's. Measured: 0.4 (wave) to 1.1 (spread)."""
+
+RADII_OF_QUADRICS, SIZE_SETTLED = (3.0, 5.0, 8.0), 0.003
+"""Radii [edges] of quadrics that are tried, until all edges together get shorter by less than SIZE_SETTLED."""
 
 
 class Smoothing(Enum):
@@ -160,13 +135,13 @@ def smooth_lengths(points: Floats, faces: Ints, topology: Topology, *, eye: Floa
             scan = look_at(points, faces, topology, raw, parallel_for)
         raw_defects = angle_defects(raw, faces, topology, len(points), parallel_for)
         buckling = math.sqrt(float(np.quantile(raw_defects, 0.25))) if len(raw_defects) else 0.0
-        plan = _look_for_noise(scan, buckling, parallel_for)
+        plan = plan_smoothing(scan, buckling, parallel_for)
         if plan.rounds and eye is None:
             eye = viewpoint_of_rows(points, topology.edges)
         original = scan.points
         if plan.steep:
             scan = _presmoothed(scan, faces, topology, eye, parallel_for)
-            plan = _plan_of_shared(scan, parallel_for)
+            plan = plan_for_shared(scan, parallel_for)
         for tried in (plan, CLEAN) if plan.rounds else (CLEAN,):
             surface = find_surface(scan, tried.rounds, parallel_for, tried.reach)
             moved, left = scan.points, 1.0
@@ -196,68 +171,6 @@ def smooth_lengths(points: Floats, faces: Ints, topology: Topology, *, eye: Floa
 def smooth_normals(mesh: Mesh, topology: Topology) -> NDArray[np.float32]:
     """(n, 3) unit normals of a scan without its noise, at a crease those of the side that the point lies on."""
     return smooth_lengths(mesh.points, mesh.faces, topology).normals
-
-
-class Plan(NamedTuple):
-    """How a scan is to be smoothed.
-
-    Attributes
-    ----------
-    rounds : int
-    reach : float
-        Least squared difference of normals up to which neighbours count.
-    slack : float [rad]
-        By how much the sheet may buckle more than it does raw.
-    move : bool
-        Whether points are moved onto the surface; else only what is white is taken out of them, along known rays.
-    steep : bool
-        Whether the mesh is so rough that points are first moved onto quadrics.
-    """
-
-    rounds: int
-    reach: float
-    slack: float
-    move: bool = False
-    steep: bool = False
-
-
-CLEAN = Plan(0, 0.0, CLEAN_SLACK)
-
-
-def _look_for_noise(scan: Scan, buckling: float, parallel_for: ParallelFor) -> Plan:
-    """Tell white noise, shared noise and none, and note in the scan's rows where there is more and less of it."""
-    step = typical_step(scan.rows, scan.edges)
-    scale = noise_scale(scan.points, scan.rows, scan.ring, BUCKLED * scan.spacing, parallel_for)
-    noisy = _is_noisy(buckling, step)
-    if scale.alike > SHARED and (not noisy or scale.alike > SHARED_WIDELY or scale.height > STRONG * scan.spacing):
-        return _plan_of_shared(scan, parallel_for, strong=scale.height > STRONG * scan.spacing)
-    if not scale.height and not noisy:
-        return CLEAN
-    least = scale.height / FROM_MEDIAN
-    noise = FROM_MEAN * around(scan.points, scan.ring_noise, scan.spacing, parallel_for, least)
-    scan.rows[:, NOISE] = np.maximum((noise / max(float(np.median(noise)), 1e-300)) ** 2, LEAST_NOISE)
-    rounds = int(np.clip(ROUNDS_PER_NOISE * np.quantile(noise, NOISIEST) / scan.spacing, FEWEST, MOST))
-    return Plan(rounds, 0.0, NOISY_SLACK, move=scale.height > ROUGH * scan.spacing)
-
-
-def _plan_of_shared(scan: Scan, parallel_for: ParallelFor, *, strong: bool = False) -> Plan:
-    """Noise that neighbours share makes their normals differ less than it should; so reach does not follow them."""
-    a, b = scan.edges[:, 0], scan.edges[:, 1]
-    step = scan.rows[a, :3] - scan.rows[b, :3]
-    size = np.sqrt(np.einsum("ij,ij->i", step, step).astype(np.float64))
-    count = len(scan.points)
-    sums = np.bincount(a, size, count) + np.bincount(b, size, count)
-    mean: Floats = sums / np.maximum(np.diff(scan.ring.start), 1)
-    typical_size = float(np.quantile(mean, RIPPLED))
-    local = around(scan.points, mean, scan.spacing, parallel_for)
-    scan.rows[:, NOISE] = np.clip((local / max(typical_size, 1e-9)) ** 2, LEAST_NOISE, 1 / LEAST_NOISE)
-    reach = min(SHARED_REACH * typical_size, SHARED_REACH_AT_MOST) ** 2
-    return Plan(MOST, reach, math.inf, move=True, steep=strong or typical_size > STEEP)
-
-
-def _is_noisy(buckling: float, step: float) -> bool:
-    """Tell noise from bends, by how much the sheet buckles and the squared difference of normals of neighbours."""
-    return buckling > BUCKLED and buckling**2 > min(BENT * math.sqrt(step), MOSTLY_NOISE) * step
 
 
 def _presmoothed(scan: Scan, faces: Ints, topology: Topology, eye: Floats | None, parallel_for: ParallelFor) -> Scan:
