@@ -73,7 +73,9 @@ def test_spikes_do_not_count(noise):
     assert flat.overlaps == 0
     assert rms < 0.02
     assert abs(off) < 2e-4
-    assert flat.spikes == pytest.approx(0.002 * len(truth_xy), rel=0.35)  # a few by chance, or left out as flying
+    spikes = (np.linalg.norm(mesh.points - sheet("wave", **SIZE).bend(truth_xy), axis=1) > 0.9).sum()
+    assert spikes > 15  # the scanner leaves out those that fly
+    assert abs(flat.spikes - spikes) <= 2  # points that noise leaves at the edge of what is one
 
 
 def test_a_scan_without_noise_has_no_spikes_and_no_length():
