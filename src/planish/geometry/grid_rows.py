@@ -19,8 +19,9 @@ LEAST_IN_ROWS = 0.2
 FAR = 1e5
 """Distance, in extents of the mesh, at which the viewpoint of parallel rays is placed."""
 
-ROUNDS, OUTLIER = 3, 6.0
-"""Fits, each without points that are off by more than OUTLIER medians: runs beside a hole may be a pixel off."""
+ROUNDS, OUTLIER, LEAST_KEPT = 8, 4.0, 0.85
+"""Fits at most, each without points that are off by more than OUTLIER medians, and the share of points that must be
+left: short runs between holes may be a pixel off, one point in ten where a tenth of the pixels is missing at random."""
 
 DEGREE = 5
 """Of the polynomials that stand for a lens: 0.0014 pixels are left of a real one, 0.09 with degree 3."""
@@ -136,9 +137,13 @@ def _common_point(points: Floats, pixels: Floats) -> Floats | None:
         found = list(_candidates(points, pixels, kept))
         best = [float(np.median(misfit[kept])) for misfit, _ in found]
         misfit, eye = found[int(np.argmax(np.array(best) <= max(PLAIN * MAX_MISFIT_PX, min(best))))]
-        kept = misfit <= max(OUTLIER * float(np.median(misfit)), MAX_MISFIT_PX)
-    sharp = float(np.sqrt((misfit[kept] ** 2).mean())) < MAX_MISFIT_PX and kept.mean() >= MIN_REGULAR
-    return eye if sharp else None
+        limit = max(OUTLIER * float(np.median(misfit[kept])), MAX_MISFIT_PX)
+        if (misfit <= limit).mean() < LEAST_KEPT:
+            return None
+        if np.array_equal(kept, misfit <= limit):
+            break
+        kept = misfit <= limit
+    return eye if float(np.sqrt((misfit[kept] ** 2).mean())) < MAX_MISFIT_PX else None
 
 
 def _candidates(points: Floats, pixels: Floats, kept: Bools) -> Iterator[tuple[Floats, Floats]]:
