@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from planish.acquire.calibration.boards import Board, corner_points, find_corners
+from planish.acquire.laser.faint import faint_line
 from planish.acquire.laser.lines import laser_colour, without_laser
 from planish.acquire.laser.stripes import Direction, find_stripes, laser_off_image
 from planish.acquire.laser.sweep import crossings_xy, fit_plane
@@ -28,6 +29,12 @@ COLLINEAR = 0.03
 LINE_TOLERANCE = 0.04
 """Largest distance from the straight line on the board, in squares; beyond it are reflections."""
 
+FEW_ROWS = 0.5
+"""Share of the board's rows below which a line counts as faint, and is looked for again by colour alone."""
+
+FAINT_TOLERANCE_PX = 3.0
+"""From a straight line in the photo: the lens bends lines by 1 or 2 pixels, colours of the room lie anywhere."""
+
 TRIALS = 300
 """RANSAC trials: with half of the points outliers one pair in four is good."""
 
@@ -46,17 +53,22 @@ class LaserPlanes(NamedTuple):
         Rms distance of the points from each plane.
     points : int
         Number of points.
+    left_out : tuple of str
+        Why photos were left out, a sentence each.
     """
 
     planes: Floats
     rms_mm: Floats
     points: int
+    left_out: tuple[str, ...] = ()
 
 
 def calibrate_laser_planes(
     photos: list[Pixels], names: list[str], camera: Camera, board: Board, *, lines: int = 1
 ) -> LaserPlanes:
     """Calibrate laser planes from photos of a board in different poses, with the lines on it.
+
+    A photo without a usable board or line is left out where two others are left.
 
     Parameters
     ----------
@@ -72,7 +84,14 @@ def calibrate_laser_planes(
     InputError
         If a photo shows no board or no line, or the poses are too similar to determine a plane.
     """
-    seen = laser_points_on_boards(photos, names, camera, board, lines)
+    seen, left_out = [], []
+    for photo, name in zip(photos, names, strict=True):
+        try:
+            seen += laser_points_on_boards([photo], [name], camera, board, lines)
+        except InputError as problem:
+            left_out.append(problem)
+    if left_out and len(seen) < 2:
+        raise left_out[0]
     planes, rms = [], []
     for line in range(lines):
         points = np.concatenate([parts[line] for parts in seen])
@@ -85,7 +104,9 @@ def calibrate_laser_planes(
         plane, plane_rms = fit_plane(points)
         planes.append(plane)
         rms.append(plane_rms)
-    return LaserPlanes(np.array(planes), np.array(rms), sum(len(part) for parts in seen for part in parts))
+    return LaserPlanes(
+        np.array(planes), np.array(rms), sum(len(part) for parts in seen for part in parts), tuple(map(str, left_out))
+    )
 
 
 def laser_points_on_boards(
@@ -173,6 +194,12 @@ def _lines_on_board(photo: Pixels, name: str, outline: Floats, lines: int) -> li
         found = [crossings_xy(stripes.at[:, line], along)[good] for line in range(lines)]
         if not best or len(found[0]) > len(best[0]):
             best = found
+    if lines == 1:
+        for along in directions:
+            if len(best[0]) < FEW_ROWS * inside.any(axis=1 if along == "rows" else 0).sum():
+                at, _ = faint_line(photo, inside, along)
+                straight = _inliers_of_line(crossings_xy(at, along)[np.isfinite(at)], FAINT_TOLERANCE_PX)
+                best = [straight] if len(straight) > len(best[0]) else best
     if len(best[0]) < MIN_CROSSINGS:
         raise InputError(
             f"in {name} {lines} laser {'line is' if lines == 1 else 'lines are'} seen on the board in {len(best[0])} "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -72,6 +73,8 @@ def laser(
     if motion is None:
         calibration = calibrate_laser_planes(pixels, names, camera_model, target, lines=lines)
         write_rig(output, calibration.planes, camera_model)
+        for sentence in () if quiet else calibration.left_out:
+            print(f"planish: note: a photo was left out: {sentence}", file=sys.stderr)
         points, rms_mm = calibration.points, " and ".join(f"{rms:.3f}" for rms in calibration.rms_mm)
     else:
         moved, angles = read_motion(motion, names)
