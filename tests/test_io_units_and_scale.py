@@ -5,12 +5,14 @@ import json
 import numpy as np
 import pytest
 
+from planish.acquire.range_image.depth import along_axis
 from planish.acquire.range_image.grid import plausible_origin
 from planish.cli.acquire.common import scale_warnings
 from planish.errors import UsageError
-from planish.io import read_cloud, read_depths, read_scan
+from planish.io import read_captures, read_cloud, read_depths, read_scan
 from planish.io.encode import png_bytes
 from planish.io.units import mm_per_unit, unit_named_in
+from planish.types import Camera
 from samples import sheet_scan
 
 
@@ -145,6 +147,30 @@ def test_lone_points_far_from_all_others_are_left_out(tmp_path):
     assert len(found.scan.mesh.points) == 12 * 9 - 1
     assert [warning.code for warning in found.warnings if warning.code == "points-far-off"]
     assert "1 points lie more than 10 cells" in str(found.warnings[0])
+
+
+@pytest.mark.parametrize("first", ["white", "black", "neither"])
+def test_white_and_black_are_found_where_they_come_first(tmp_path, first):
+    patterns = [np.full((16, 16), 40 + 3 * k, np.uint8) for k in range(4)]
+    for k, pattern in enumerate(patterns):
+        pattern[:, ::2] += 60
+        pattern[k, k] = 0
+    white, black = np.full((16, 16), 200, np.uint8), np.full((16, 16), 5, np.uint8)
+    ends = [black, white] if first == "black" else [white, black]
+    for k, image in enumerate([*patterns, *ends] if first == "neither" else [*ends, *patterns]):
+        (tmp_path / f"{k}.png").write_bytes(png_bytes(np.repeat(image[..., None], 3, axis=2)))
+    found = read_captures([tmp_path])
+    np.testing.assert_array_equal(found.frames, [*patterns, white, black])
+    assert found.photo.max() == found.photo.min() == 200
+    assert [warning.code for warning in found.warnings] == ["white-black-first"] * (first != "neither")
+
+
+def test_distances_along_the_rays_become_depths():
+    camera = Camera(np.array([[100.0, 0, 31.5], [0, 90, 23.5], [0, 0, 1]]), np.eye(3), np.zeros(3), (48, 64))
+    row, col = np.mgrid[:48, :64]
+    depth = 300.0 + col + 2 * row
+    slant = np.sqrt(1 + ((col - 31.5) / 100) ** 2 + ((row - 23.5) / 90) ** 2)
+    np.testing.assert_allclose(along_axis(depth * slant, camera), depth)
 
 
 SHEET = np.stack(np.meshgrid(np.linspace(-100, 100, 20), np.linspace(-130, 130, 20), [0.0]), axis=-1).reshape(-1, 3)

@@ -14,9 +14,13 @@ from planish.color import luma
 from planish.errors import InputError
 from planish.io.files import files_in, is_folder
 from planish.io.images import read_photo
-from planish.types import Pixels
+from planish.types import Diagnostic, Pixels
 
 SUFFIXES = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp"}
+
+
+FEWEST_FRAMES = 6
+"""Two pairs of patterns, white and black: fewer photos are no Gray code."""
 
 
 class Captures(NamedTuple):
@@ -25,6 +29,7 @@ class Captures(NamedTuple):
     frames: NDArray[np.uint8] | NDArray[np.uint16]
     photo: Pixels
     paths: list[Path]
+    warnings: list[Diagnostic] = []  # noqa: RUF012  # never changed
 
 
 def image_files(paths: Iterable[str | Path]) -> list[Path]:
@@ -80,7 +85,26 @@ def read_captures(paths: Iterable[str | Path]) -> Captures:
             photo = pixels
     assert frames is not None
     assert photo is not None
-    return Captures(frames, photo, files)
+    order = _white_and_black_last(frames)
+    if order is None:
+        return Captures(frames, photo, files)
+    sentence = "white and black come first in the photos; they were taken as the last two"
+    again = read_photo(files[order[-2]]).pixels
+    return Captures(frames[order], again, [files[k] for k in order], [Diagnostic("white-black-first", sentence)])
+
+
+def _white_and_black_last(frames: NDArray) -> list[int] | None:
+    """The order of photos in which white and black are the last two, where they come first; else None.
+
+    White is the brightest and black the darkest of all: every pattern lights about half of the view.
+    """
+    if len(frames) < FEWEST_FRAMES:
+        return None
+    levels = frames[:, ::4, ::4].mean(axis=(1, 2), dtype=np.float64)
+    white, black = int(levels.argmax()), int(levels.argmin())
+    if {white, black} != {0, 1}:
+        return None
+    return [*range(2, len(frames)), white, black]
 
 
 def _by_number(path: Path) -> list[tuple[int, str]]:

@@ -73,6 +73,31 @@ def from_depth(
     return AcquiredScan(scan, agreement[row, column], noise_mm, tuple(warnings))
 
 
+def along_axis(distance: Floats, camera: Camera) -> Floats:
+    """Depths along the camera's axis, (rows, cols) [mm], of distances along the rays of its pixels.
+
+    Raises
+    ------
+    InputError
+        If the map is not of the camera's size.
+
+    Examples
+    --------
+    >>> camera = Camera(np.array([[100.0, 0, 0], [0, 100, 0], [0, 0, 1]]), np.eye(3), np.zeros(3), (1, 101))
+    >>> depth = along_axis(np.full((1, 101), 500.0), camera)
+    >>> depth[0, [0, 100]].round(1).tolist()
+    [500.0, 353.6]
+    """
+    if distance.shape != tuple(camera.shape_rc):
+        raise InputError(
+            f"the depth map has {distance.shape[1]} x {distance.shape[0]} pixels, but its camera "
+            f"{camera.shape_rc[1]} x {camera.shape_rc[0]}; give the camera of this map"
+        )
+    row, col = np.mgrid[: distance.shape[0], : distance.shape[1]]
+    directions, _ = rays(camera, np.stack([col.ravel(), row.ravel()], axis=1).astype(np.float64))
+    return np.asarray(distance * (directions @ camera.rotation[2]).reshape(distance.shape))
+
+
 def average_frames(stack: Floats | NDArray[np.float32]) -> tuple[Floats, Floats]:
     """Average depth maps: the mean of the frames that lie near their median.
 

@@ -27,6 +27,7 @@ def depth(
     photo_camera: Path | None = None,
     scale: float
     | Literal["auto", "realsense", "kinect", "azure", "redwood", "d405", "l515", "tum", "sun", "mm", "m"] = "auto",
+    depth_along: Literal["z", "ray"] = "z",
     mask: Mask = "auto",
     files: ScanFiles,
 ) -> None:
@@ -47,11 +48,14 @@ def depth(
         Depth units per metre: realsense, kinect, azure and redwood 1000, d405 10000, l515 4000, tum 5000; sun: depths
         of SUN RGB-D, whose bits are shifted. auto: 1000 for integers; floating-point values below 20 are metres,
         others millimetres.
+    depth_along
+        What the depths are measured along. z: the axis of the camera, as depth cameras give them. ray: the line of
+        sight of each pixel, as some renderers, time-of-flight and laser scanners do.
     mask
         Region of the sheet in the photo: an image that is white there; auto: bright paper on a darker background; none:
         the whole photo.
     """
-    from planish.acquire.range_image.depth import from_depth
+    from planish.acquire.range_image.depth import along_axis, from_depth
     from planish.cli.console import progress_bar
     from planish.io import read_camera, read_depths, read_photo, scaled_camera
 
@@ -63,6 +67,8 @@ def depth(
         photo_shape = photo_image.pixels.shape[:2]
         depth_camera = read_camera(camera, photo_shape=photo_shape, warnings=warnings)
         depth_camera = scaled_camera(depth_camera, frames[0].shape) or depth_camera
+        if depth_along == "ray":
+            frames = [along_axis(frame, depth_camera) for frame in frames]
         seen_from = None
         if photo_camera:
             seen_from = read_camera(photo_camera, photo.name, photo_shape=photo_shape, warnings=warnings)

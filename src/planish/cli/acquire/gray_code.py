@@ -58,7 +58,7 @@ def gray_code(
         )
         progress("write", 0.0)
         written = write_acquired(acquired, files)
-    print_scan_summary(acquired, [], written, quiet=files.quiet)
+    print_scan_summary(acquired, [*captured.warnings], written, quiet=files.quiet)
 
 
 def patterns(
