@@ -30,18 +30,8 @@ PageKind = Literal["tif", "png", "jpg", "pdf"]
 MM_PER_UNIT: dict[str, float] = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": MM_PER_INCH}
 """Of every `Unit`."""
 
-MESH_SUFFIXES: dict[str, str] = {
-    **{".obj": "OBJ", ".ply": "PLY", ".glb": "GLB", ".gltf": "glTF", ".stl": "STL", ".off": "OFF", ".3mf": "3MF"},
-    **{
-        ".dae": "COLLADA",
-        ".x3d": "X3D",
-        ".x3dv": "X3D",
-        ".wrl": "VRML",
-        ".usdz": "USDZ",
-        ".usdc": "USD",
-        ".usda": "USD",
-    },
-}
+_MESH_FORMATS = "OBJ PLY GLB glTF STL OFF 3MF DAE X3D X3DV WRL USDZ USDC USDA"
+MESH_SUFFIXES: dict[str, str] = {f".{name.lower()}": name for name in _MESH_FORMATS.split()}
 """Format names of mesh files by suffix, where a scan has to be found among other files: batches and uploads."""
 
 

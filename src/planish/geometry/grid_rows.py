@@ -55,8 +55,8 @@ def viewpoint_of_rows(points: Floats, edges: Ints) -> Floats | None:
     >>> points = np.c_[x.ravel(), y.ravel(), np.random.default_rng(0).normal(0, 0.5, 600)]
     >>> faces = grid_faces(np.arange(600, dtype=np.int32).reshape(30, 20), points)
     >>> eye = viewpoint_of_rows(points, topology(faces, 600).edges)
-    >>> (np.abs(eye[:2] / eye[2]) < 1e-6).all()
-    np.True_
+    >>> bool((np.abs(eye[:2] / eye[2]) < 1e-4).all())  # far above the middle of the map
+    True
     """
     pixels = _pixels(points, edges)
     if pixels is None:

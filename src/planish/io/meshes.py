@@ -59,7 +59,8 @@ def read_mesh(path: Path, inside: Path | None = None) -> FileMesh:
         )
     other = next((said for start, said in _OTHERS if data.startswith(start)), None)
     if b"\0" in data[:65536] or other or path.suffix.lower() == ".fbx":
-        raise InputError(f"{path} is {other or 'no mesh'} that planish does not read; {_WANTED} is wanted")
+        kind = f"{other}, which planish does not read" if other else "no mesh that planish reads"
+        raise InputError(f"{path} is {kind}; {_WANTED} is wanted")
     from planish.io.obj import read_obj
 
     return read_obj(path, data, inside)
