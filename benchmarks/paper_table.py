@@ -16,7 +16,7 @@ from time import perf_counter
 import numpy as np
 
 from machine import machine
-from planish.flattening import settle
+from planish.flattening import simulate_verlet
 from planish.gallery import sheet, virtual_scan
 from planish.io import read_scan
 from planish.mesh import onto_support_plane, prolongate, repair, subsample, topology
@@ -52,7 +52,7 @@ def rows(name: str, scan: Scan, truth: np.ndarray, lengths: str, all_steps: int)
             start = perf_counter()
             sticks = make_sticks(solved, topo, lengths)
             made = perf_counter()
-            settled = settle(solved, sticks, settings)
+            settled = simulate_verlet(solved, sticks, settings)
             done = perf_counter()
         x = settled.points[:, :2]
         flat = prolongate(coarse, points, x) if coarse else x

@@ -24,9 +24,10 @@ from numba import njit
 from PIL import Image, ImageDraw, ImageFont
 
 from machine import machine
-from planish.flattening import drop, settle
-from planish.flattening.quad_mesh import lattice_springs, lay_lattice
-from planish.flattening.verlet import Settled, at_rest, project, relax, shuffled
+from planish.flattening import simulate_mass_spring, simulate_verlet
+from planish.flattening.quad_mesh import make_quad_mesh, quad_mesh_springs
+from planish.flattening.solution import Solution
+from planish.flattening.verlet import at_rest, project, satisfy_constraints, shuffled
 from planish.gallery import sheet, virtual_scan
 from planish.mesh import Coarse, onto_support_plane, prolongate, repair, subsample, topology
 from planish.settings import MassSpringSettings, VerletSettings
@@ -92,13 +93,13 @@ def cases(count: int):
         prepared = repair(made.scan)
         mesh = prepared.scan.mesh
         truth = made.truth_xy[prepared.place.argsort(kind="stable")[(prepared.place < 0).sum() :]]
-        lattice = lay_lattice(mesh, count)
+        lattice = make_quad_mesh(mesh, count)
         coarse = subsample(mesh, prepared.topology, count)
         sticks = make_sticks(coarse.mesh, topology(coarse.mesh.faces, len(coarse.mesh.points)), "unfolded")
-        yield Case(name, mesh.points, truth, lattice.coarse, lattice_springs(lattice, "unfolded"), coarse, sticks)
+        yield Case(name, mesh.points, truth, lattice.coarse, quad_mesh_springs(lattice, "unfolded"), coarse, sticks)
 
 
-def judged(case: Case, coarse: Coarse, dt: float, fall: Callable[[Mesh], Settled]) -> Run:
+def judged(case: Case, coarse: Coarse, dt: float, fall: Callable[[Mesh], Solution]) -> Run:
     standing = Mesh(onto_support_plane(coarse.mesh)[0], coarse.mesh.faces)
     start = perf_counter()
     done = fall(standing)
@@ -112,11 +113,11 @@ def by_springs(case: Case, k: float) -> list[Run]:
     for dt in TIME_STEPS:
         most = max(500, int(np.ceil(UNITS_OF_TIME / dt)))
         law = MassSpringSettings(stiffness=float(k), time_step=float(dt), max_steps=most)
-        runs.append(judged(case, case.lattice, dt, lambda mesh, law=law: drop(mesh, case.springs, law)))
+        runs.append(judged(case, case.lattice, dt, lambda mesh, law=law: simulate_mass_spring(mesh, case.springs, law)))
     return runs
 
 
-def by_sticks(case: Case, solve: Callable[[Mesh, Sticks, VerletSettings], Settled]) -> list[Run]:
+def by_sticks(case: Case, solve: Callable[[Mesh, Sticks, VerletSettings], Solution]) -> list[Run]:
     runs = []
     for dt in TIME_STEPS:
         law = VerletSettings(time_step=float(dt), max_steps=MOST_STICK_STEPS)
@@ -124,7 +125,7 @@ def by_sticks(case: Case, solve: Callable[[Mesh, Sticks, VerletSettings], Settle
     return runs
 
 
-def settle_by_euler(mesh: Mesh, sticks: Sticks, law: VerletSettings) -> Settled:
+def settle_by_euler(mesh: Mesh, sticks: Sticks, law: VerletSettings) -> Solution:
     """The paper's sticks and plane, with explicit Euler steps (4), (5) in place of Verlet's (6), (7)."""
     unit = float(np.median(sticks.rest))
     x, v = mesh.points / unit, np.zeros_like(mesh.points)
@@ -142,7 +143,7 @@ def settle_by_euler(mesh: Mesh, sticks: Sticks, law: VerletSettings) -> Settled:
         if found is not None:
             outcome = found
             break
-    return Settled(x * unit, outcome, residuals[:done], heights[:done] * unit, np.zeros(len(x), bool))
+    return Solution(x * unit, outcome, done, residuals[:done], heights[:done] * unit)
 
 
 @njit(cache=True)
@@ -153,7 +154,7 @@ def _euler_steps(x, v, pairs, rest, weight, dt, gravity, rounds, residuals, heig
                 x[i, k] += v[i, k] * dt  # (4)
             v[i, 2] -= gravity * dt  # (5)
         for turn in range(rounds):
-            residuals[step] = relax(x, pairs, rest, weight, turn % 2 == 1)
+            residuals[step] = satisfy_constraints(x, pairs, rest, weight, turn % 2 == 1)
             heights[step] = project(x)
         for i in range(len(x)):
             if x[i, 2] == 0.0:
@@ -261,11 +262,11 @@ def main() -> None:
 
 def swept(case: Case) -> Panel:
     compiling = VerletSettings(max_steps=50)
-    drop(case.lattice.mesh, case.springs, MassSpringSettings(max_steps=50))
-    settle(case.coarse.mesh, case.sticks, compiling)
+    simulate_mass_spring(case.lattice.mesh, case.springs, MassSpringSettings(max_steps=50))
+    simulate_verlet(case.coarse.mesh, case.sticks, compiling)
     settle_by_euler(case.coarse.mesh, case.sticks, compiling)
     springs = {float(k): by_springs(case, float(k)) for k in STIFFNESS}
-    return Panel(case.name, springs, by_sticks(case, settle), by_sticks(case, settle_by_euler))
+    return Panel(case.name, springs, by_sticks(case, simulate_verlet), by_sticks(case, settle_by_euler))
 
 
 if __name__ == "__main__":

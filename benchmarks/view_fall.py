@@ -5,7 +5,7 @@ from time import perf_counter
 
 import numpy as np
 
-from planish.flattening import settle
+from planish.flattening import simulate_verlet
 from planish.gallery import sheet, sheet_mesh
 from planish.mesh import onto_support_plane, repair, subsample, topology
 from planish.sticks import make_sticks
@@ -28,7 +28,9 @@ def main() -> None:
         for time_step in TIME_STEPS:
             seen = []
             start = perf_counter()
-            done = settle(standing, sticks, replace(ANIMATION_SETTINGS, time_step=time_step), watch=seen.append)
+            done = simulate_verlet(
+                standing, sticks, replace(ANIMATION_SETTINGS, time_step=time_step), watch=seen.append
+            )
             seconds = perf_counter() - start
             left = np.sqrt(((np.array(seen) - seen[-1]) ** 2).sum(axis=2).mean(axis=1))
             near = int(np.argmax(left < 0.1 * left[0]))

@@ -7,8 +7,8 @@ from PIL import Image, ImageDraw
 
 from planish.flattening import to_page_frame
 from planish.flattening.clusters import lay_out_clusters
-from planish.flattening.initial_layout import as_they_lie, lay_out
-from planish.flattening.stick_solver import relax
+from planish.flattening.initial_layout import apply_face_flips, initial_layout
+from planish.flattening.stick_solver import solve_sticks
 from planish.gallery import sheet, sheet_mesh
 from planish.mesh import topology
 from planish.parallel import thread_pool
@@ -28,10 +28,10 @@ def main() -> None:
     sticks = make_sticks(mesh, found, "smooth")
     rest = sticks.rest[: sticks.edges]
     with thread_pool() as parallel_for:
-        faces, lie = as_they_lie(mesh.faces, found, sticks.turned)
+        faces, lie = apply_face_flips(mesh.faces, found, sticks.turned)
         clusters = lay_out_clusters(faces, lie, rest, len(mesh.points), parallel_for)
-        start, _ = lay_out(faces, lie, rest, len(mesh.points), parallel_for)
-    done = relax(mesh, found, sticks)
+        start, *_ = initial_layout(faces, lie, rest, len(mesh.points), parallel_for)
+    done = solve_sticks(mesh, found, sticks)
     page_xy, size = to_page_frame(done.xy * [1, -1], np.array([0.0, -1.0]))
     start = _laid_over(start * [1, -1], page_xy)
 

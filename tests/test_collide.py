@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from planish.flattening import settle
+from planish.flattening import simulate_verlet
 from planish.flattening.collide import REACH, keep_apart, near_pairs, over_face
 from planish.mesh import neighbours, topology
 from planish.settings import VerletSettings
@@ -65,8 +65,8 @@ def test_layers_that_lie_over_each_other_are_kept_apart_or_the_report_says_so():
     uv, mesh = hairpin(12.0)
     sticks = make_sticks(mesh, topology(mesh.faces, len(uv)), "unfolded")
     heavy = {"gravity": 40.0, "max_steps": 400}
-    free = settle(mesh, sticks, VerletSettings(**heavy))
-    apart = settle(mesh, sticks, VerletSettings(self_collision=True, thickness_mm=1.0, **heavy))
+    free = simulate_verlet(mesh, sticks, VerletSettings(**heavy))
+    apart = simulate_verlet(mesh, sticks, VerletSettings(self_collision=True, thickness_mm=1.0, **heavy))
     assert free.passed.sum() > 10
     assert apart.passed.sum() == 0
     assert apart.outcome is not Outcome.DIVERGED

@@ -4,9 +4,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from planish.errors import InputError, UsageError
-from planish.flattening import drop, flatten
+from planish.flattening import flatten, simulate_mass_spring
 from planish.flattening.mass_spring import move, pull, weigh
-from planish.flattening.quad_mesh import lattice_springs, lay_lattice
+from planish.flattening.quad_mesh import make_quad_mesh, quad_mesh_springs
 from planish.gallery import sheet, sheet_mesh
 from planish.mesh import area_vectors, topology
 from planish.settings import FlattenSettings, MassSpringSettings
@@ -22,8 +22,8 @@ def upright(uv):
 
 def net(count=120, bend=upright, lengths="unfolded"):
     uv, faces = grid(60, 45)
-    lattice = lay_lattice(Mesh(bend(uv), faces), count)
-    return lattice, lattice.coarse.mesh, lattice_springs(lattice, lengths)
+    lattice = make_quad_mesh(Mesh(bend(uv), faces), count)
+    return lattice, lattice.coarse.mesh, quad_mesh_springs(lattice, lengths)
 
 
 def flat_sheet(uv):
@@ -91,7 +91,7 @@ class TestKernels:
 class TestDrop:
     def test_an_arched_net_comes_to_rest_at_its_size(self):
         _, mesh, springs = net()
-        done = drop(mesh, springs)
+        done = simulate_mass_spring(mesh, springs)
         assert done.outcome is Outcome.SETTLED
         assert done.heights[-1] == pytest.approx(0, abs=0.03)
         # Chords of 20 mm, and up to 40 on the slopes, over an arc of 90 mm are shorter than it by 0.2 to 0.8 %; the
@@ -103,7 +103,9 @@ class TestDrop:
         for stiffness in (10.0, 1000.0):
             longest = 0.3 * stiffness**-0.5  # an undamped wave gains w^2 dt^2 of energy a step and loses d / k w^2 dt
             outcomes = [
-                drop(mesh, springs, MassSpringSettings(stiffness=stiffness, time_step=share * longest, drag=0.1))
+                simulate_mass_spring(
+                    mesh, springs, MassSpringSettings(stiffness=stiffness, time_step=share * longest, drag=0.1)
+                )
                 for share in (0.9, 1.3)
             ]
             assert outcomes[0].outcome is not Outcome.DIVERGED
@@ -113,18 +115,18 @@ class TestDrop:
 
     def test_a_step_beyond_all_numbers_ends_finite(self):
         _, mesh, springs = net()
-        done = drop(mesh, springs, MassSpringSettings(time_step=1e200))
+        done = simulate_mass_spring(mesh, springs, MassSpringSettings(time_step=1e200))
         assert done.outcome is Outcome.DIVERGED
         assert np.isfinite(done.points).all()
 
     def test_running_out_of_steps_is_said(self):
         _, mesh, springs = net()
-        assert drop(mesh, springs, MassSpringSettings(max_steps=70)).outcome is Outcome.OUT_OF_STEPS
+        assert simulate_mass_spring(mesh, springs, MassSpringSettings(max_steps=70)).outcome is Outcome.OUT_OF_STEPS
 
     def test_progress_is_told(self):
         _, mesh, springs = net(30)
         told = []
-        drop(mesh, springs, MassSpringSettings(max_steps=100), told.append)
+        simulate_mass_spring(mesh, springs, MassSpringSettings(max_steps=100), told.append)
         assert told == [0.5, 1.0]
 
 
@@ -174,8 +176,8 @@ class TestLattice:
         uv, faces = grid(60, 45)
         middle = np.array([100.0, 140.0])
         away = np.hypot(*(uv[faces].mean(axis=1) - middle).T) > 40
-        lattice = lay_lattice(Mesh(flat_sheet(uv), faces[away]), 500)
-        springs = lattice_springs(lattice, "unfolded")
+        lattice = make_quad_mesh(Mesh(flat_sheet(uv), faces[away]), 500)
+        springs = quad_mesh_springs(lattice, "unfolded")
         one, other = lattice.coarse.mesh.points[springs.pairs, :2].transpose(1, 0, 2)
         for share in (0.25, 0.5, 0.75):
             assert np.hypot(*(one + share * (other - one) - middle).T).min() > 35  # faces of 5 mm
@@ -183,8 +185,8 @@ class TestLattice:
     def test_nothing_joins_across_a_jump_in_height(self):
         uv, faces = grid(60, 45, width=100.0)
         both = np.r_[flat_sheet(uv), flat_sheet(uv) + [101.0, 0, 50]]
-        lattice = lay_lattice(Mesh(both, np.r_[faces, faces + len(uv)]), 500)
-        pairs = lattice_springs(lattice, "unfolded").pairs
+        lattice = make_quad_mesh(Mesh(both, np.r_[faces, faces + len(uv)]), 500)
+        pairs = quad_mesh_springs(lattice, "unfolded").pairs
         assert np.abs(np.diff(lattice.coarse.mesh.points[pairs][..., 2], axis=1)).max() < 1e-3  # weights are float32
 
     @pytest.mark.slow
@@ -196,13 +198,13 @@ class TestLattice:
         if not quads.any():
             return
         try:
-            lattice = lay_lattice(Mesh(flat_sheet(uv), faces[quads]), count)
+            lattice = make_quad_mesh(Mesh(flat_sheet(uv), faces[quads]), count)
         except InputError:
             return
         mesh = lattice.coarse.mesh
         assert (area_vectors(mesh.points, mesh.faces)[:, 2] > 0).all()
         assert (np.unique(mesh.faces) == np.arange(len(mesh.points))).all()
-        springs = lattice_springs(lattice, "unfolded")
+        springs = quad_mesh_springs(lattice, "unfolded")
         assert np.isfinite(springs.rest).all()
         assert (springs.rest > 0).all()
         joined = {tuple(pair) for pair in np.sort(springs.pairs[: springs.edges], axis=1)}
@@ -211,7 +213,7 @@ class TestLattice:
     def test_a_sheet_narrower_than_the_cells_is_refused_in_a_sentence(self):
         corner = np.array([[0.0, 0, 0], [100, 0, 0], [100, 100, 0], [99, 1, 0]])  # slender, along two sides of a square
         with pytest.raises(InputError, match="narrower than the cells"):
-            lay_lattice(Mesh(corner, np.array([[0, 1, 3], [1, 2, 3]])), 10)
+            make_quad_mesh(Mesh(corner, np.array([[0, 1, 3], [1, 2, 3]])), 10)
 
 
 class TestFlatten:

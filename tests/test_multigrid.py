@@ -9,7 +9,7 @@ from planish.errors import UsageError
 from planish.flattening.energy import energy, make_net, stiffness
 from planish.flattening.multigrid_preconditioner import make_preconditioner, precondition
 from planish.flattening.overlaps import layers, overlaps
-from planish.flattening.stick_solver import relax
+from planish.flattening.stick_solver import solve_sticks
 from planish.flattening.untangle import untangle
 from planish.gallery import sheet, sheet_mesh
 from planish.geometry.distances import distances
@@ -125,7 +125,7 @@ def test_the_preconditioner_is_symmetric_and_near_the_inverse_of_the_hessian(out
 @pytest.mark.parametrize("outline", [None, "c", "ring", "comb"])
 def test_the_minimum_is_that_of_newton_with_the_whole_matrix(outline):
     mesh, found, sticks, _ = known("book", 6000, error=1e-3, outline=outline)
-    done = relax(mesh, found, sticks)
+    done = solve_sticks(mesh, found, sticks)
     assert done.outcome is Outcome.SETTLED
     # On slender sheets both minima lie 0.03 to 0.3 mm off the truth, as the lengths are wrong.
     assert rigid_rms(done.xy, exact_minimum(done.xy, sticks)) < 0.005
@@ -135,7 +135,7 @@ def test_the_minimum_is_that_of_newton_with_the_whole_matrix(outline):
 @pytest.mark.parametrize("layout", ["range", "grid", "delaunay"])
 def test_every_sheet_with_true_lengths_comes_out_true(name, layout):
     mesh, found, sticks, truth = known(name, 3000, error=0.0, layout=layout)
-    done = relax(mesh, found, sticks)
+    done = solve_sticks(mesh, found, sticks)
     assert done.outcome is Outcome.SETTLED
     assert rigid_rms(done.xy, truth) < 1e-6  # rounding
     assert (signed_areas(done.xy, mesh.faces) > 0).all()
@@ -147,7 +147,7 @@ def test_every_sheet_with_true_lengths_comes_out_true(name, layout):
 @pytest.mark.parametrize("name", ["book", "wave", "curl"])
 def test_slender_sheets_from_their_lengths_in_space(name, outline):
     mesh, found, sticks, truth = known(name, 30_000, outline=outline)
-    done = relax(mesh, found, sticks)
+    done = solve_sticks(mesh, found, sticks)
     assert done.outcome is Outcome.SETTLED
     assert rigid_rms(done.xy, truth) < 0.02
 
@@ -155,7 +155,7 @@ def test_slender_sheets_from_their_lengths_in_space(name, outline):
 def test_a_sheet_with_holes_and_cuts_keeps_every_face_up():
     cuts = [((20.0, 40.0), (190.0, 55.0)), ((100.0, 90.0), (103.0, 260.0))]
     mesh, found, sticks, truth = known("letter", 20_000, error=3e-3, layout="delaunay", holes=25, cuts=cuts)
-    done = relax(mesh, found, sticks)
+    done = solve_sticks(mesh, found, sticks)
     assert (signed_areas(done.xy, mesh.faces) > 0).all()
     assert overlaps(mesh.faces, done.xy, found) == 0
     assert rigid_rms(done.xy, truth) < 0.1  # 3e-3 of edges of 1.7 mm, at random
@@ -167,12 +167,12 @@ class TestInvariance:
     @classmethod
     def setup_class(cls):
         cls.mesh, cls.found, cls.sticks, cls.truth = known("miura", 2500, layout="delaunay")
-        cls.page = relax(cls.mesh, cls.found, cls.sticks).xy
+        cls.page = solve_sticks(cls.mesh, cls.found, cls.sticks).xy
 
     def test_turning_and_moving_the_scan_turns_nothing_but_the_page(self):
         turn = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
         turn *= np.sign(np.linalg.det(turn))
-        moved = relax(Mesh(self.mesh.points @ turn.T + [5, -700, 30], self.mesh.faces), self.found, self.sticks)
+        moved = solve_sticks(Mesh(self.mesh.points @ turn.T + [5, -700, 30], self.mesh.faces), self.found, self.sticks)
         assert rigid_rms(moved.xy, self.page) < self.SAME
 
     def test_renumbering_points_and_faces_changes_nothing(self):
@@ -181,18 +181,18 @@ class TestInvariance:
         place = np.argsort(order).astype(np.int32)
         mesh = Mesh(self.mesh.points[order], rng.permutation(place[self.mesh.faces]))
         found = topology(mesh.faces, len(order))
-        other = relax(mesh, found, make_sticks(mesh, found, "unfolded"))
+        other = solve_sticks(mesh, found, make_sticks(mesh, found, "unfolded"))
         assert rigid_rms(other.xy[place], self.page) < self.SAME
 
     @pytest.mark.parametrize("factor", [1e-3, 25.4])
     def test_the_unit_of_length_does_not_matter(self, factor):
         mesh = Mesh(self.mesh.points * factor, self.mesh.faces)
-        scaled = relax(mesh, self.found, make_sticks(mesh, self.found, "unfolded"))
+        scaled = solve_sticks(mesh, self.found, make_sticks(mesh, self.found, "unfolded"))
         assert rigid_rms(scaled.xy, factor * self.page) < factor * self.SAME
 
     def test_many_at_once_give_what_one_alone_gives(self):
         with ThreadPoolExecutor(4) as pool:
-            pages = list(pool.map(lambda _: relax(self.mesh, self.found, self.sticks).xy, range(8)))
+            pages = list(pool.map(lambda _: solve_sticks(self.mesh, self.found, self.sticks).xy, range(8)))
         for page in pages:
             np.testing.assert_array_equal(page, self.page)
 
@@ -201,7 +201,7 @@ def test_it_lies_as_one_sees_it_from_its_printed_side():
     uv, faces = grid(20, 15)
     mesh = Mesh(np.c_[uv, 0 * uv[:, 0] + 40], faces)
     found = topology(faces, len(uv))
-    xy = relax(mesh, found, make_sticks(mesh, found, "unfolded")).xy
+    xy = solve_sticks(mesh, found, make_sticks(mesh, found, "unfolded")).xy
     np.testing.assert_allclose(xy - xy[0], uv - uv[0], atol=1e-9)
 
 
@@ -215,7 +215,7 @@ def test_pieces_on_both_sides_of_a_gap_come_back_beside_each_other(name, at, wid
         return np.abs(place[:, 1] - at) * high > wide / 2
 
     mesh, found, sticks, truth = known(name, 12_000, error=0.0, outline=beside_the_gap)
-    done = relax(mesh, found, sticks)
+    done = solve_sticks(mesh, found, sticks)
     assert "side by side" in done.warnings[0].sentence
     # Bending in the gap is not seen: on the roll the 4 mm are an arc of 13 to 27 mm radius between two tangents.
     assert rigid_rms(done.xy, truth) < 0.15
@@ -227,7 +227,7 @@ def test_both_halves_of_a_spread_find_each_other_across_the_shadow_at_the_spine(
         return np.abs(place[:, 0] - 0.5) * 296 > 1.5
 
     mesh, found, sticks, truth = known("spread", 12_000, error=0.0, outline=in_the_light)
-    done = relax(mesh, found, sticks)
+    done = solve_sticks(mesh, found, sticks)
     assert rigid_rms(done.xy, truth) < 0.6  # the leaves curve on in the shadow, under 118 degrees, as nobody can see
 
 
@@ -236,7 +236,7 @@ def test_pieces_far_from_each_other_are_laid_apart_and_that_is_said():
     one = arch(uv)
     mesh = Mesh(np.concatenate([one, one + [400, 30, 0]]), np.concatenate([faces, faces + len(uv)]))
     found = topology(mesh.faces, len(mesh.points))
-    done = relax(mesh, found, make_sticks(mesh, found, "unfolded"))
+    done = solve_sticks(mesh, found, make_sticks(mesh, found, "unfolded"))
     assert "lie apart" in done.warnings[0].sentence
     assert overlaps(mesh.faces, done.xy, found) == 0
     # Eleven chords of the arc; both halves alike.
@@ -248,7 +248,7 @@ def test_layers_over_each_other_are_not_taken_for_neighbours():
     flat = np.c_[uv, 0 * uv[:, 0]]
     mesh = Mesh(np.concatenate([flat, flat + [0, 0, 3]]), np.concatenate([faces, faces + len(uv)]))
     found = topology(mesh.faces, len(mesh.points))
-    done = relax(mesh, found, make_sticks(mesh, found, "unfolded"))
+    done = solve_sticks(mesh, found, make_sticks(mesh, found, "unfolded"))
     assert "lie apart" in done.warnings[0].sentence
     assert overlaps(mesh.faces, done.xy, found) == 0
 
@@ -260,7 +260,7 @@ class TestWhatCannotLieFlat:
         dome = 100 * np.c_[np.sin(u) * np.cos(v), np.sin(v), np.cos(u) * np.cos(v)]
         mesh = Mesh(dome, faces)
         found = topology(faces, len(uv))
-        done = relax(mesh, found, make_sticks(mesh, found, "unfolded"))
+        done = solve_sticks(mesh, found, make_sticks(mesh, found, "unfolded"))
         assert np.isfinite(done.xy).all()
         assert done.residuals[-1] > 0.02
         assert (np.diff(done.residuals) <= 0).all()
@@ -274,14 +274,14 @@ class TestWhatCannotLieFlat:
         torus = np.c_[(30 + 10 * np.cos(b)) * np.cos(a), (30 + 10 * np.cos(b)) * np.sin(a), 10 * np.sin(b)]
         mesh = Mesh(torus, faces)
         found = topology(mesh.faces, len(torus))
-        done = relax(mesh, found, make_sticks(mesh, found, "unfolded"))
+        done = solve_sticks(mesh, found, make_sticks(mesh, found, "unfolded"))
         assert np.isfinite(done.xy).all()
         assert done.outcome is not Outcome.SETTLED
         assert "printed side up" in done.warnings[-1].sentence
 
     def test_running_out_of_steps_is_said(self):
         mesh, found, sticks, _ = known("miura", 1000)
-        assert relax(mesh, found, sticks, MultigridSettings(max_steps=2)).outcome is Outcome.OUT_OF_STEPS
+        assert solve_sticks(mesh, found, sticks, MultigridSettings(max_steps=2)).outcome is Outcome.OUT_OF_STEPS
 
 
 @pytest.mark.slow
@@ -289,7 +289,7 @@ def test_a_random_mesh_lies_as_true_as_its_noise_along_the_sheet_lets_it():
     """Noise of 0.1 mm in all directions puts every point 0.14 mm off along the sheet, and turns faces over."""
     mesh, truth_xy = sheet_mesh(sheet("wave"), 60_000, layout="delaunay", noise_mm=0.1)
     found = topology(mesh.faces, len(mesh.points))
-    flat = relax(mesh, found, make_sticks(mesh, found, "smooth"))
+    flat = solve_sticks(mesh, found, make_sticks(mesh, found, "smooth"))
     assert flat.iterations < 30  # with every face taken for one that lies right: 100 and more, and 0.3 mm
     assert rigid_rms(flat.xy, truth_xy * UP) < 1.15 * 0.1 * np.sqrt(2)
 
@@ -392,7 +392,7 @@ def test_random_small_sheets_end_finite_in_time_and_without_a_silent_flip():
         points[squeezed[:2]] += 0.98 * (points[squeezed[2:]] - points[squeezed[:2]])  # slivers, far and near
         mesh = repair(Scan(Mesh(points, mesh.faces))).scan.mesh
         found = topology(mesh.faces, len(mesh.points))
-        done = relax(mesh, found, make_sticks(mesh, found, "unfolded"))
+        done = solve_sticks(mesh, found, make_sticks(mesh, found, "unfolded"))
         assert np.isfinite(done.xy).all(), seed
         assert len(done.residuals) == done.iterations + 1
         assert np.isfinite(done.residuals).all(), seed
@@ -407,7 +407,7 @@ def test_random_small_sheets_end_finite_in_time_and_without_a_silent_flip():
 def test_progress_rises_to_one():
     told = []
     mesh, found, sticks, _ = known("miura", 2000)
-    relax(mesh, found, sticks, progress=told.append)
+    solve_sticks(mesh, found, sticks, progress=told.append)
     assert told == sorted(told)
     assert told[0] >= 0
     assert told[-1] == 1.0

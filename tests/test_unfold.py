@@ -1,13 +1,14 @@
 import numpy as np
 import pytest
 
-from planish.flattening.cluster_alignment import gather, join
+from planish.flattening.cluster_alignment import align_clusters, average_copies
 from planish.flattening.clusters import RADIUS, lay_out_clusters
-from planish.flattening.initial_layout import lay_out
+from planish.flattening.initial_layout import initial_layout
 from planish.gallery import SHEETS, sheet, sheet_mesh
 from planish.geometry.distances import distances
 from planish.mesh import topology
 from planish.parallel import thread_pool
+from planish.types import Outcome
 from shapes import grid, rigid_rms
 
 UP = [1, -1]  # the gallery's pages have y down
@@ -16,7 +17,7 @@ UP = [1, -1]  # the gallery's pages have y down
 def unfold(faces, rest_of, count, threads=None):
     found = topology(faces, count)
     with thread_pool(threads) as parallel_for:
-        return lay_out(faces, found, rest_of(found.edges), count, parallel_for)
+        return initial_layout(faces, found, rest_of(found.edges), count, parallel_for)[:2]
 
 
 def known(name, points=4000, **kwargs):
@@ -57,7 +58,7 @@ def test_lengths_off_at_random_are_averaged_out():
     rng = np.random.default_rng(3)
     rest = true(found.edges) * (1 + 1e-3 * rng.standard_normal(len(found.edges)))
     with thread_pool() as parallel_for:
-        xy, _ = lay_out(faces, found, rest, len(truth), parallel_for)
+        xy, *_ = initial_layout(faces, found, rest, len(truth), parallel_for)
     assert rigid_rms(xy, truth) < 0.1  # the edges are 1.4 mm; 1e-3 of each, added up along the side, would be 0.2
 
 
@@ -97,7 +98,7 @@ def test_joined_clusters_lie_where_the_gaps_between_copies_are_least():
     rest = true(found.edges) * (1 + 0.01 * rng.standard_normal(len(found.edges)))
     with thread_pool() as parallel_for:
         clusters = lay_out_clusters(faces, found, rest, len(truth), parallel_for)
-    rho, tau, _ = join(clusters)
+    rho, tau, *_ = align_clusters(clusters)
 
     def misfit(rho, tau):
         at = rho[clusters.cluster] * clusters.place + tau[clusters.cluster]
@@ -155,10 +156,20 @@ def test_a_cluster_that_came_out_crumpled_is_outvoted():
     rest = true(found.edges) * (1 + 1e-3 * rng.standard_normal(len(found.edges)))
     with thread_pool() as parallel_for:
         clusters = lay_out_clusters(faces, found, rest, len(truth), parallel_for)
-    whole = gather(clusters, *join(clusters)[:2])
+    whole = average_copies(clusters, *align_clusters(clusters)[:2])
     inner = clusters.cluster == np.bincount(clusters.cluster).argmax()
     crumpled = clusters._replace(place=clusters.place + np.where(inner, rng.normal(0, 20, len(inner)), 0))
     point = np.repeat(np.arange(len(truth)), np.diff(clusters.start))
     others = np.setdiff1d(point, point[inner])
-    moved = rigid_rms(gather(crumpled, *join(crumpled)[:2])[others], whole[others])
+    moved = rigid_rms(average_copies(crumpled, *align_clusters(crumpled)[:2])[others], whole[others])
     assert moved < 0.5  # 1.6 mm if all joints counted alike
+
+
+def test_alignment_tells_how_it_ended():
+    faces, truth, true, _ = known("flat", 4000)
+    found = topology(faces, len(truth))
+    with thread_pool() as parallel_for:
+        clusters = lay_out_clusters(faces, found, true(found.edges), len(truth), parallel_for)
+    assert align_clusters(clusters)[-1] is Outcome.SETTLED
+    lost = clusters._replace(place=np.full_like(clusters.place, np.nan))
+    assert align_clusters(lost)[-1] is Outcome.DIVERGED

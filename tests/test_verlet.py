@@ -3,8 +3,8 @@ import pytest
 
 from planish import gallery
 from planish.errors import UsageError
-from planish.flattening import flatten, settle
-from planish.flattening.verlet import fall, project, relax
+from planish.flattening import flatten, simulate_verlet
+from planish.flattening.verlet import fall, project, satisfy_constraints
 from planish.mesh import topology
 from planish.settings import FlattenSettings, VerletSettings
 from planish.sticks import make_sticks
@@ -27,7 +27,7 @@ def test_the_kernels_do_what_the_formulas_say():
     for _ in range(3):
         fall(x, before, 0.1, 9.81)
         for turn in range(4):
-            relax(x, sticks.pairs, sticks.rest, sticks.weight, turn % 2 == 1)
+            satisfy_constraints(x, sticks.pairs, sticks.rest, sticks.weight, turn % 2 == 1)
             project(x)
         slow_x, slow_before = verlet_step(slow_x, slow_before, sticks.pairs, sticks.rest, 0.1, 9.81, 4)
     np.testing.assert_allclose(x, slow_x, atol=1e-10)
@@ -43,7 +43,7 @@ def test_a_free_particle_falls_as_galileo_says():
 
 def test_an_arched_sheet_comes_to_rest_at_its_true_size():
     uv, mesh, sticks = sheet()
-    done = settle(mesh, sticks)
+    done = simulate_verlet(mesh, sticks)
     assert done.outcome is Outcome.SETTLED
     assert done.heights[-1] == 0
     assert done.residuals[-1] < 1e-6
@@ -54,7 +54,7 @@ def test_an_arched_sheet_comes_to_rest_at_its_true_size():
 
 def test_flat_stays_flat():
     uv, mesh, sticks = sheet(bend=lambda uv: np.c_[uv, 0 * uv[:, :1]])
-    done = settle(mesh, sticks)
+    done = simulate_verlet(mesh, sticks)
     assert done.outcome is Outcome.SETTLED
     assert np.abs(done.points[:, :2] - uv).max() < 1e-6
 
@@ -62,17 +62,19 @@ def test_flat_stays_flat():
 def test_the_unit_of_length_does_not_matter():
     _, mesh, sticks = sheet()
     _, doubled, sticks_doubled = sheet(bend=lambda uv: 2 * arch(uv))
-    np.testing.assert_allclose(settle(doubled, sticks_doubled).points, 2 * settle(mesh, sticks).points, atol=1e-9)
+    np.testing.assert_allclose(
+        simulate_verlet(doubled, sticks_doubled).points, 2 * simulate_verlet(mesh, sticks).points, atol=1e-9
+    )
 
 
 def test_running_out_of_steps_is_said():
     _, mesh, sticks = sheet()
-    assert settle(mesh, sticks, VerletSettings(max_steps=3)).outcome is Outcome.OUT_OF_STEPS
+    assert simulate_verlet(mesh, sticks, VerletSettings(max_steps=3)).outcome is Outcome.OUT_OF_STEPS
 
 
 def test_a_step_beyond_all_numbers_ends_finite_and_is_said():
     _, mesh, sticks = sheet()
-    done = settle(mesh, sticks, VerletSettings(time_step=1e200))
+    done = simulate_verlet(mesh, sticks, VerletSettings(time_step=1e200))
     assert done.outcome is Outcome.DIVERGED
     assert np.isfinite(done.points).all()
 

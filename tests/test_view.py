@@ -17,7 +17,7 @@ import pytest
 from PIL import Image
 
 import planish
-from planish.flattening import settle
+from planish.flattening import simulate_verlet
 from planish.gallery import sheet, sheet_mesh, virtual_scan
 from planish.mesh import Coarse, area_vectors, onto_support_plane, prolongate, topology
 from planish.settings import RestoreSettings
@@ -281,7 +281,7 @@ def test_recording_states_does_not_change_the_simulation():
     sticks = make_sticks(mesh, topology(mesh.faces, len(mesh.points)), "unfolded")
     standing = Mesh(onto_support_plane(mesh)[0], mesh.faces)
     seen = []
-    watched, alone = settle(standing, sticks, watch=seen.append), settle(standing, sticks)
+    watched, alone = simulate_verlet(standing, sticks, watch=seen.append), simulate_verlet(standing, sticks)
     np.testing.assert_array_equal(watched.points, alone.points)
     np.testing.assert_allclose(seen[0], standing.points, rtol=1e-12)  # the kernel has units of its own
     np.testing.assert_array_equal(seen[-1], alone.points)

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from time import perf_counter
-from typing import NamedTuple
 
 import numpy as np
 
 from planish.flattening.expected import chords_shortfall, expected_error
 from planish.flattening.frame import direction_of_growth, place_on_page, to_page_frame, turned
-from planish.flattening.mass_spring import drop
+from planish.flattening.mass_spring import simulate_mass_spring
 from planish.flattening.overlaps import overlaps
-from planish.flattening.quad_mesh import Lattice, lattice_springs, lay_lattice
-from planish.flattening.stick_solver import NO_PAPER, relax
-from planish.flattening.verlet import settle
+from planish.flattening.quad_mesh import QuadMesh, make_quad_mesh, quad_mesh_springs
+from planish.flattening.solution import Solution
+from planish.flattening.stick_solver import NO_PAPER, solve_sticks
+from planish.flattening.verlet import simulate_verlet
 from planish.mesh import (
     Topology,
     bounds,
@@ -28,9 +29,19 @@ from planish.mesh import (
 )
 from planish.settings import FlattenSettings
 from planish.sticks import make_sticks, strain
-from planish.types import Diagnostic, Flattening, Floats, Mesh, Outcome, Sticks
+from planish.types import Diagnostic, Flattening, Floats, Mesh, Sticks
 
-__all__ = ["direction_of_growth", "drop", "flatten", "place_on_page", "relax", "settle", "to_page_frame", "turned"]
+__all__ = [
+    "Solution",
+    "direction_of_growth",
+    "flatten",
+    "place_on_page",
+    "simulate_mass_spring",
+    "simulate_verlet",
+    "solve_sticks",
+    "to_page_frame",
+    "turned",
+]
 
 PAPER_POINTS = 1000
 """How many of 307,000 points the paper kept, and what its method gets here unless told otherwise."""
@@ -44,19 +55,6 @@ OVERHANG = 0.005
 Progress = Callable[[float], None]
 
 
-class Solved(NamedTuple):
-    """What a method makes of a sheet; see `Flattening` for the fields, and `Relaxed` for `at_rest`."""
-
-    xy: Floats
-    outcome: Outcome
-    iterations: int
-    residuals: Floats
-    heights: Floats
-    passed_points: int
-    warnings: tuple[Diagnostic, ...]
-    at_rest: Floats | None = None
-
-
 def flatten(
     mesh: Mesh,
     topo: Topology,
@@ -65,7 +63,7 @@ def flatten(
     *,
     eye: Floats | None = None,
 ) -> Flattening:
-    """Lay a sheet flat: reduce it if asked, turn it into sticks, let the method settle them, place every point.
+    """Lay a sheet flat: reduce it if asked, turn it into sticks, solve them, place every point.
 
     Parameters
     ----------
@@ -91,14 +89,14 @@ def flatten(
         mesh = renumbered(mesh, order)
         topo = topology(mesh.faces, len(mesh.points))
     count = _points_to_solve(s, len(mesh.points))
-    lattice = lay_lattice(mesh, count) if s.method == "mass-spring" else None
+    lattice = make_quad_mesh(mesh, count) if s.method == "mass-spring" else None
     coarse = lattice.coarse if lattice else subsample(mesh, topo, count) if count < len(mesh.points) else None
     sheet = mesh if coarse is None else coarse.mesh
     sheet_topo = topo if coarse is None else topology(sheet.faces, len(sheet.points))
     # Between points kept far apart there is next to no noise, but true bends that smoothing would take away.
     lengths = "unfolded" if coarse is not None and s.lengths == "smooth" else s.lengths
     if lattice:
-        sticks = lattice_springs(lattice, lengths)
+        sticks = quad_mesh_springs(lattice, lengths)
         solved = _by_mass_spring(lattice, sticks, s, progress)
     else:
         sticks = make_sticks(sheet, sheet_topo, lengths, eye=eye)
@@ -138,7 +136,7 @@ def flatten(
         noise_length_mm=sticks.noise_length_mm,
         spikes=sticks.spikes,
         overlaps=overlaps(mesh.faces, page_xy, topo),
-        passed_points=solved.passed_points,
+        passed_points=int(solved.passed.sum()),
         warnings=solved.warnings,
         normals=None if coarse is not None or sticks.normals is None else sticks.normals[back],
     )
@@ -154,16 +152,15 @@ def _edge_strain(xy: Floats, sticks: Sticks, topo: Topology | None) -> tuple[flo
 
 def _by_multigrid(
     mesh: Mesh, topo: Topology, sticks: Sticks, settings: FlattenSettings, progress: Progress | None
-) -> Solved:
-    done = relax(mesh, topo, sticks, settings.multigrid, progress)
-    return Solved(done.xy, done.outcome, done.iterations, done.residuals, np.zeros(0), 0, done.warnings, done.at_rest)
+) -> Solution:
+    return solve_sticks(mesh, topo, sticks, settings.multigrid, progress)
 
 
 def _by_verlet(
     mesh: Mesh, topo: Topology, sticks: Sticks, settings: FlattenSettings, progress: Progress | None
-) -> Solved:
+) -> Solution:
     standing = Mesh.owned(onto_support_plane(mesh)[0], mesh.faces)
-    done = settle(standing, sticks, settings.verlet, progress)
+    done = simulate_verlet(standing, sticks, settings.verlet, progress)
     passed = int(done.passed.sum())
     through = Diagnostic(
         "layers-passed",
@@ -171,28 +168,23 @@ def _by_verlet(
         "itself",
         "set {verlet.self_collision} to keep layers apart",
     )
-    return Solved(
-        done.points[:, :2],
-        done.outcome,
-        len(done.residuals),
-        done.residuals,
-        done.heights,
-        passed,
-        (through,) if passed else (),
-    )
+    return replace(done, warnings=(through,)) if passed else done
 
 
-def _by_mass_spring(lattice: Lattice, springs: Sticks, settings: FlattenSettings, progress: Progress | None) -> Solved:
+def _by_mass_spring(
+    lattice: QuadMesh, springs: Sticks, settings: FlattenSettings, progress: Progress | None
+) -> Solution:
     mesh = lattice.coarse.mesh
-    done = drop(Mesh.owned(onto_support_plane(mesh)[0], mesh.faces), springs, settings.mass_spring, progress)
+    done = simulate_mass_spring(
+        Mesh.owned(onto_support_plane(mesh)[0], mesh.faces), springs, settings.mass_spring, progress
+    )
     hidden = Diagnostic(
         "overhang-hidden",
         f"{lattice.overhang:.1%} of the sheet faces the table: the regular mesh of mass-spring, laid over it from "
         "above, does not show that nor what lies below, so the page is wrong there",
         "take another {method}",
     )
-    warnings = (hidden,) if lattice.overhang > OVERHANG else ()
-    return Solved(done.points[:, :2], done.outcome, len(done.residuals), done.residuals, done.heights, 0, warnings)
+    return replace(done, warnings=(hidden,)) if lattice.overhang > OVERHANG else done
 
 
 def _points_to_solve(settings: FlattenSettings, available: int) -> int:

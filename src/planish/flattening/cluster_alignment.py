@@ -19,7 +19,7 @@ from scipy.sparse import bsr_array, csc_array
 from scipy.sparse.linalg import splu
 
 from planish.flattening.clusters import Clusters
-from planish.types import Floats, Ints
+from planish.types import Floats, Ints, Outcome
 
 Complex = NDArray[np.complex128]
 
@@ -31,16 +31,16 @@ STILL = 1e-3
 by about its square. Slivers that hang on by a short edge may spin for ever."""
 
 AMISS = 0.1
-"""Joints whose points miss each other by more than this part of their spread count less, as one of the two clusters
-came out folded. On a Miura fold of 150,000 points with 0.2 mm of noise (0.5 to 1 at the worst joints) one such joint
-puts the layout 6 mm out, 0.3 with this. From 0.05 to 0.3 is much alike, on clean sheets too, where creases that run
-through faces make joints miss by up to 0.15."""
+"""Constraints whose points miss each other by more than this part of their spread count less, as one of the two
+clusters came out folded. On a Miura fold of 150,000 points with 0.2 mm of noise (0.5 to 1 at the worst constraints) one
+of them puts the layout 6 mm out, 0.3 with this. From 0.05 to 0.3 is much alike, on clean sheets too, where creases that
+run through faces make points miss by up to 0.15."""
 
 HINGED = 1e-10
 """Share of the greatest stiffness added to all, as a cluster that hangs on by a single point can turn freely."""
 
 
-class Joints(NamedTuple):
+class ClusterConstraints(NamedTuple):
     """Moments of the points that two clusters share, one row for each such pair; points that meet badly count less.
 
     Attributes
@@ -64,47 +64,57 @@ class Joints(NamedTuple):
     product: Complex
 
 
-def join(clusters: Clusters) -> tuple[Complex, Complex, Ints]:
+def align_clusters(clusters: Clusters) -> tuple[Complex, Complex, Ints, Outcome]:
     """Find the frame of every cluster.
 
     Returns
     -------
     rho, tau : (c,) complex128
-        Turn and shift [mm] of each cluster: its copy at z lies at rho z + tau.
+        Rotation and shift [mm] of each cluster: its copy at z lies at rho z + tau.
     piece : (c,) int32
         Clusters that hang together have the same number, that of one of them; each piece lies anywhere.
+    outcome : Outcome
+        SETTLED; OUT_OF_STEPS where clusters still turned after the last step; DIVERGED where a step was no finite
+        number or its matrix singular, and the frames before it were kept.
     """
-    joints = _find_joints(clusters)
-    rho, tau, piece = _chain(clusters.total, *joints, np.argsort(-_spread(joints), kind="stable"))
+    constraints = _find_constraints(clusters)
+    rho, tau, piece = _chain(clusters.total, *constraints, np.argsort(-_spread(constraints), kind="stable"))
+    if not len(constraints.pairs):
+        return rho, tau, piece, Outcome.SETTLED
     size = np.bincount(clusters.cluster)
     large = size >= 0.5 * size.max()
-    for _ in range(ROUNDS if len(joints.pairs) else 0):
-        turn, shift = _gauss_newton_step(joints, rho, tau, np.unique(piece))
+    for _ in range(ROUNDS):
+        try:
+            turn, shift = _gauss_newton_step(constraints, rho, tau, np.unique(piece))
+        except RuntimeError:  # "Factor is exactly singular"
+            return rho, tau, piece, Outcome.DIVERGED
+        if not (np.isfinite(turn).all() and np.isfinite(shift).all()):
+            return rho, tau, piece, Outcome.DIVERGED
         rho *= np.exp(1j * turn)
         tau += shift
-        if not np.abs(turn[large]).mean() > STILL:
-            break
-    return rho, tau, piece
+        if np.abs(turn[large]).mean() <= STILL:
+            return rho, tau, piece, Outcome.SETTLED
+    return rho, tau, piece, Outcome.OUT_OF_STEPS
 
 
-def gather(clusters: Clusters, rho: Complex, tau: Complex) -> Floats:
+def average_copies(clusters: Clusters, rho: Complex, tau: Complex) -> Floats:
     """(n, 2) places [mm] of all points: the mean over the copies of each."""
     xy = np.empty((len(clusters.start) - 1, 2))
-    _gather(clusters.start, clusters.cluster, clusters.place, rho, tau, xy)
+    _average_copies(clusters.start, clusters.cluster, clusters.place, rho, tau, xy)
     return xy
 
 
-def _spread(joints: Joints) -> Floats:
+def _spread(joints: ClusterConstraints) -> Floats:
     """Spread of the shared points about their middle [mm^2]: how surely a joint tells directions."""
     return np.asarray(joints.squares.sum(1) - (np.abs(joints.sums) ** 2).sum(1) / joints.number)
 
 
-def _find_joints(clusters: Clusters) -> Joints:
+def _find_constraints(clusters: Clusters) -> ClusterConstraints:
     """Collect the pairs of clusters that share points, and the moments of those points."""
     row, other, first, second = _meetings(clusters.start, clusters.cluster, clusters.total)
-    joints = Joints(*_moments(row, other, first, second, clusters.place))
+    joints = ClusterConstraints(*_moments(row, other, first, second, clusters.place))
     share = _trust(joints)
-    return Joints(
+    return ClusterConstraints(
         joints.pairs,
         joints.number * share,
         joints.sums * share[:, None],
@@ -113,7 +123,7 @@ def _find_joints(clusters: Clusters) -> Joints:
     )
 
 
-def _trust(joints: Joints) -> Floats:
+def _trust(joints: ClusterConstraints) -> Floats:
     """(j,) 1 / (1 + m / (0.01 s)), m the mean square by which shared points miss each other at best, s their spread."""
     product = joints.product - joints.sums[:, 0].conj() * joints.sums[:, 1] / joints.number
     spread = _spread(joints)
@@ -181,7 +191,7 @@ def _moments(row, other, first, second, place):  # type: ignore[no-untyped-def]
 def _chain(count, pairs, number, sums, squares, product, order):  # type: ignore[no-untyped-def]
     """First frames: joints are made good one by one, the surest first, each moving the smaller of two groups.
 
-    Joints between clusters that already hang together are passed over, so this is a walk along the maximum
+    ClusterConstraints between clusters that already hang together are passed over, so this is a walk along the maximum
     spanning tree.
     """
     rho = np.ones(count, np.complex128)
@@ -217,7 +227,7 @@ def _chain(count, pairs, number, sums, squares, product, order):  # type: ignore
     return rho, tau, group
 
 
-def _gauss_newton_step(joints: Joints, rho: Complex, tau: Complex, roots: Ints) -> tuple[Floats, Complex]:
+def _gauss_newton_step(joints: ClusterConstraints, rho: Complex, tau: Complex, roots: Ints) -> tuple[Floats, Complex]:
     """One step on E for all turns and shifts together; the roots, one cluster of each piece, stay where they are."""
     count = len(rho)
     blocks, gradient = _normal_equations(*joints, rho, tau)
@@ -282,7 +292,7 @@ def _normal_equations(pairs, number, sums, squares, product, rho, tau):  # type:
 
 
 @njit(cache=True, nogil=True)
-def _gather(start, cluster, place, rho, tau, xy):  # type: ignore[no-untyped-def]
+def _average_copies(start, cluster, place, rho, tau, xy):  # type: ignore[no-untyped-def]
     for i in range(len(xy)):
         total = 0j
         for k in range(start[i], start[i + 1]):

@@ -63,7 +63,7 @@ def lay_out_clusters(
     topology : Topology
     edge_rest : (e,) float64 [mm]
     point_count : int
-    parallel_for : Crew
+    parallel_for : ParallelFor
     """
     passable = _passable(topology.face_edges, edge_rest)
     label, hops, base, count = _grow(topology.face_edges, topology.edge_faces, edge_rest, passable, RADIUS)

@@ -11,6 +11,10 @@ from numba import njit
 REACH = 0.5
 """A point and a face closer than this at the start of a step are watched through the step."""
 CELL = 1.0
+"""Side of the grid's cells, unless so small ones would be too many."""
+MOST_CELLS, CELLS_PER_POINT = 100_000, 16
+"""The grid has no more cells than this, or than so many for each point: 40 MB for a sheet of 300,000 points, where
+cells of side 1 over its box would take 800. Sheets of the usual 1,000 points have a third of it at most."""
 FASTEST = 0.2
 """No particle moves farther in a step when layers are kept apart: two that meet head-on are still seen coming."""
 
@@ -54,13 +58,13 @@ def near_pairs(x, faces, start, around):  # type: ignore[no-untyped-def]
     found = 0
     if not np.isfinite(x.sum()):  # the simulation is lost, and its caller will see that
         return pairs[:0], side[:0]
-    low, shape, inside, first = _sorted_into_cells(x)
+    low, width, shape, inside, first = _sorted_into_cells(x)
     lo, hi = np.empty(3, np.int64), np.empty(3, np.int64)
     for f in range(len(faces)):
         for k in range(3):
             a, b, c = x[faces[f, 0], k], x[faces[f, 1], k], x[faces[f, 2], k]
-            lo[k] = min(max(int((min(a, b, c) - REACH - low[k]) / CELL), 0), shape[k] - 1)
-            hi[k] = min(max(int((max(a, b, c) + REACH - low[k]) / CELL), 0), shape[k] - 1)
+            lo[k] = min(max(int((min(a, b, c) - REACH - low[k]) / width), 0), shape[k] - 1)
+            hi[k] = min(max(int((max(a, b, c) + REACH - low[k]) / width), 0), shape[k] - 1)
         for u in range(lo[0], hi[0] + 1):
             for v in range(lo[1], hi[1] + 1):
                 row = (u * shape[1] + v) * shape[2]
@@ -82,19 +86,28 @@ def near_pairs(x, faces, start, around):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _sorted_into_cells(x):  # type: ignore[no-untyped-def]
-    """Corner and shape of a grid over the points, the points in the order of their cells, the first of each cell."""
-    low = np.empty(3)
+    """Corner, side of the cells and shape of a grid over the points; the points by cell, and the first of each cell."""
+    low, high = np.empty(3), np.empty(3)
+    for k in range(3):
+        low[k], high[k] = x[:, k].min(), x[:, k].max()
+    most = max(MOST_CELLS, CELLS_PER_POINT * len(x))
+    side = CELL
+    while True:
+        cells = 1.0
+        for k in range(3):
+            cells *= np.floor((high[k] - low[k]) / side) + 1.0
+        if cells <= most:
+            break
+        side *= 1.25
     shape = np.empty(3, np.int64)
     for k in range(3):
-        low[k] = x[:, k].min()
-        # A sheet fills few cells of its box; what lies beyond the last shares it.
-        shape[k] = min(int((x[:, k].max() - low[k]) / CELL) + 1, 100 if k == 2 else 1000)
+        shape[k] = int((high[k] - low[k]) / side) + 1
     cell = np.empty(len(x), np.int64)
     first = np.zeros(shape[0] * shape[1] * shape[2] + 1, np.int32)
     for i in range(len(x)):
         at = 0
         for k in range(3):
-            at = at * shape[k] + min(int((x[i, k] - low[k]) / CELL), shape[k] - 1)
+            at = at * shape[k] + min(int((x[i, k] - low[k]) / side), shape[k] - 1)
         cell[i] = at
         first[at + 1] += 1
     for at in range(len(first) - 1):
@@ -104,7 +117,7 @@ def _sorted_into_cells(x):  # type: ignore[no-untyped-def]
     for i in range(len(x)):
         inside[fill[cell[i]]] = i
         fill[cell[i]] += 1
-    return low, shape, inside, first
+    return low, side, shape, inside, first
 
 
 @njit(cache=True)

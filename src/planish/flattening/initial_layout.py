@@ -8,16 +8,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from planish.flattening.cluster_alignment import gather, join
+from planish.flattening.cluster_alignment import align_clusters, average_copies
 from planish.flattening.clusters import lay_out_clusters
 from planish.mesh import Topology
 from planish.parallel import ParallelFor
-from planish.types import Bools, Floats, Ints
+from planish.types import Bools, Floats, Ints, Outcome
 
 
-def lay_out(
+def initial_layout(
     faces: Ints, topology: Topology, edge_rest: Floats, point_count: int, parallel_for: ParallelFor
-) -> tuple[Floats, Ints]:
+) -> tuple[Floats, Ints, Outcome]:
     """Lay a mesh flat, nearly: exactly where its lengths are those of a flat sheet.
 
     Parameters
@@ -28,7 +28,7 @@ def lay_out(
     edge_rest : (e,) float64 [mm]
         Length of each edge.
     point_count : int
-    parallel_for : Crew
+    parallel_for : ParallelFor
 
     Returns
     -------
@@ -36,6 +36,8 @@ def lay_out(
         Faces run counter-clockwise. Each piece lies anywhere, in any turn.
     piece : (n,) int32
         Points that hang together have the same number.
+    outcome : Outcome
+        Of the alignment of the clusters.
 
     Examples
     --------
@@ -48,16 +50,16 @@ def lay_out(
     >>> found = topology(faces, 5)
     >>> rest = np.where(found.edges[:, 0] == 0, 1.0, np.sqrt(2))
     >>> with thread_pool() as parallel_for:
-    ...     xy, piece = lay_out(faces, found, rest, 5, parallel_for)
+    ...     xy, piece, _ = initial_layout(faces, found, rest, 5, parallel_for)
     >>> np.linalg.norm(xy[1] - xy[3]).round(12), piece.tolist()
     (np.float64(2.0), [0, 0, 0, 0, 0])
     """
     clusters = lay_out_clusters(faces, topology, edge_rest, point_count, parallel_for)
-    rho, tau, piece = join(clusters)
-    return gather(clusters, rho, tau), piece[clusters.cluster[clusters.start[:-1]]]
+    rho, tau, piece, outcome = align_clusters(clusters)
+    return average_copies(clusters, rho, tau), piece[clusters.cluster[clusters.start[:-1]]], outcome
 
 
-def as_they_lie(faces: Ints, topology: Topology, turned: Bools | None) -> tuple[Ints, Topology]:
+def apply_face_flips(faces: Ints, topology: Topology, turned: Bools | None) -> tuple[Ints, Topology]:
     """Faces, and their edges, with those that noise turned over running the other way round, as their lengths want it.
 
     Parameters

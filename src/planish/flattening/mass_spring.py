@@ -10,7 +10,8 @@ from collections.abc import Callable
 import numpy as np
 from numba import njit
 
-from planish.flattening.verlet import CRUSHED, Settled
+from planish.flattening.solution import Solution
+from planish.flattening.verlet import CRUSHED
 from planish.settings import MassSpringSettings
 from planish.types import Mesh, Outcome, Sticks
 
@@ -22,12 +23,12 @@ LEVEL = 1e-3
 """Median springs above the plane that count as on it."""
 
 
-def drop(
+def simulate_mass_spring(
     mesh: Mesh,
     springs: Sticks,
     settings: MassSpringSettings | None = None,
     progress: Callable[[float], None] | None = None,
-) -> Settled:
+) -> Solution:
     """Drop a net of masses and springs on the plane z = 0 and let it come to rest there.
 
     Parameters
@@ -61,7 +62,7 @@ def drop(
         if speeds[span].max() < s.tolerance:
             outcome = _come_to(residuals[done - 1], heights[done - 1])
             break
-    return Settled(x * unit, outcome, residuals[:done].copy(), heights[:done] * unit, np.zeros(len(x), bool))
+    return Solution(x * unit, outcome, done, residuals[:done].copy(), heights[:done] * unit)
 
 
 def _come_to(residual: float, height: float) -> Outcome:

@@ -48,7 +48,7 @@ EVEN_DEG, SHARP_DEG = 12.0, 28.0
 
 
 @dataclass(frozen=True, eq=False)
-class Joint:
+class GapAlignment:
     """Two pieces and the motion that brings the second beside the first: z -> turn * z + shift.
 
     `length` and `width` of the gap in mm.
@@ -61,10 +61,10 @@ class Joint:
     length: float
     width: float
 
-    def reversed(self) -> Joint:
+    def reversed(self) -> GapAlignment:
         """The motion that brings the first beside the second."""
         back = 1 / self.turn
-        return Joint(self.second, self.first, back, -back * self.shift, self.length, self.width)
+        return GapAlignment(self.second, self.first, back, -back * self.shift, self.length, self.width)
 
 
 def number_pieces(piece: Ints) -> tuple[Ints, int]:
@@ -75,7 +75,7 @@ def number_pieces(piece: Ints) -> tuple[Ints, int]:
     return rank[number].astype(np.int32), len(names)
 
 
-def lay_apart(xy: Floats, piece: Ints, count: int, room: float) -> Floats:
+def pack_pieces(xy: Floats, piece: Ints, count: int, room: float) -> Floats:
     """Shift pieces so that the boxes around them lie in rows, `room` [mm] apart."""
     low, high = np.full((count, 2), np.inf), np.full((count, 2), -np.inf)
     np.minimum.at(low, piece, xy)
@@ -92,7 +92,7 @@ def lay_apart(xy: Floats, piece: Ints, count: int, room: float) -> Floats:
     return np.asarray(xy + (corner - low)[piece])
 
 
-def as_seen(points: Floats, faces: Ints, xy: Floats, piece: Ints, count: int) -> Floats:
+def orient_to_view(points: Floats, faces: Ints, xy: Floats, piece: Ints, count: int) -> Floats:
     """Turn each piece as it is seen when one looks at the printed side of the largest, x to the right.
 
     Parameters
@@ -110,13 +110,13 @@ def as_seen(points: Floats, faces: Ints, xy: Floats, piece: Ints, count: int) ->
     right = right - (right @ towards_eye) * towards_eye
     right /= np.linalg.norm(right)
     turned = np.empty_like(xy)
-    _turn_as_seen(points, xy, piece, count, right, np.cross(towards_eye, right), turned)
+    _rotate_to_view(points, xy, piece, count, right, np.cross(towards_eye, right), turned)
     return turned
 
 
-def bring_together(
+def align_pieces(
     points: Floats, faces: Ints, topology: Topology, xy: Floats, piece: Ints, count: int, edge: float
-) -> tuple[Floats, Ints, list[Joint]]:
+) -> tuple[Floats, Ints, list[GapAlignment]]:
     """Move pieces to where the gaps between their borders tell that they belong.
 
     Parameters
@@ -134,7 +134,7 @@ def bring_together(
     xy : (n, 2) float64 [mm]
     group : (n,) int32
         Pieces that were joined have the number of the largest of them.
-    joints : list of Joint
+    joints : list of GapAlignment
     """
     z = xy[:, 0] + 1j * xy[:, 1]
     rim = _Rim.of(points, faces, topology, z, piece)
@@ -193,7 +193,7 @@ class _Rim:
         return _Rim(piece[at], points[at], z[at], n, right, np.cross(n, right), _unit(away))
 
 
-def _joints_to(rim: _Rim, host: int, widest: float, edge: float) -> list[Joint]:
+def _joints_to(rim: _Rim, host: int, widest: float, edge: float) -> list[GapAlignment]:
     """Joints of smaller pieces to one piece, where their borders face each other plainly."""
     ours, theirs = np.flatnonzero(rim.piece == host), np.flatnonzero(rim.piece > host)
     if not len(ours) or not len(theirs):
@@ -212,7 +212,7 @@ def _joints_to(rim: _Rim, host: int, widest: float, edge: float) -> list[Joint]:
     return [joint for joint in joints if joint is not None]
 
 
-def _fit(rim: _Rim, a: Ints, b: Ints, first: int, second: int, edge: float) -> Joint | None:
+def _fit(rim: _Rim, a: Ints, b: Ints, first: int, second: int, edge: float) -> GapAlignment | None:
     """Motion of the second piece that fits border points a of the first and b of the second; None if not plain."""
     if len(a) < FEWEST:
         return None
@@ -228,7 +228,7 @@ def _fit(rim: _Rim, a: Ints, b: Ints, first: int, second: int, edge: float) -> J
     rms = float(np.sqrt(np.mean(misfit**2)))
     if length < LONGER * max(width, edge) or rms > MISFIT * max(width, edge):
         return None
-    return Joint(first, second, turn, shift, length, width)
+    return GapAlignment(first, second, turn, shift, length, width)
 
 
 def _unfolded(across: Floats, normal_a: Floats, normal_b: Floats) -> tuple[Floats, Floats]:
@@ -328,7 +328,7 @@ def _area_vector(points, faces, piece):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _turn_as_seen(points, xy, piece, count, right, up, turned):  # type: ignore[no-untyped-def]
+def _rotate_to_view(points, xy, piece, count, right, up, turned):  # type: ignore[no-untyped-def]
     """Least-squares turn of each piece about its middle, towards what is seen along `right` and `up`."""
     middle = np.zeros((count, 3))
     for i in range(len(xy)):

@@ -25,7 +25,7 @@ a cell at most."""
 
 
 @dataclass(frozen=True, eq=False)
-class Lattice:
+class QuadMesh:
     """A quad mesh over a sheet.
 
     Attributes
@@ -52,7 +52,7 @@ class Lattice:
     shortfall_mm: float
 
 
-def lay_lattice(mesh: Mesh, count: int) -> Lattice:
+def make_quad_mesh(mesh: Mesh, count: int) -> QuadMesh:
     """Lay a regular quad mesh of about `count` nodes over a sheet, as seen from straight above its table.
 
     Rows and columns run along the sides of the least rectangle around the sheet in this view. Where layers of the
@@ -94,15 +94,15 @@ def lay_lattice(mesh: Mesh, count: int) -> Lattice:
     nodes = Mesh.owned(np.einsum("nk,nkd->nd", w, mesh.points[mesh.faces[at[:, 0]]]), faces)
     node = np.full((cells[1] + 1, cells[0] + 1), -1, np.int32)
     node.ravel()[crossings] = np.arange(len(crossings))
-    return Lattice(Coarse(nodes, _nearest(nodes.points, mesh.points)), node, across, down, overhang, shortfall)
+    return QuadMesh(Coarse(nodes, _nearest(nodes.points, mesh.points)), node, across, down, overhang, shortfall)
 
 
-def lattice_springs(lattice: Lattice, lengths: Lengths) -> Sticks:
+def quad_mesh_springs(lattice: QuadMesh, lengths: Lengths) -> Sticks:
     """Springs of a quad mesh: structural ones along its lines, shear ones across its quads, and flexion ones.
 
     Parameters
     ----------
-    lattice : Lattice
+    lattice : QuadMesh
     lengths : {"smooth", "unfolded", "straight"}
         Of the flexion springs, which join every second node of a line: as these stand in space (straight), or with
         the surface between them laid into one plane. All others are as long as their nodes stand apart.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,13 +10,14 @@ from numpy.typing import NDArray
 from planish.flattening.area_penalty import add_area_penalty
 from planish.flattening.as_rigid_as_possible import lay_out_triangles, signed_areas
 from planish.flattening.energy import energy, make_net
-from planish.flattening.initial_layout import as_they_lie, lay_out
+from planish.flattening.initial_layout import apply_face_flips, initial_layout
 from planish.flattening.lbfgs import minimize
 from planish.flattening.lengths import median_edge
 from planish.flattening.multigrid_preconditioner import make_preconditioner, precondition
 from planish.flattening.non_developable import distortion, solve_non_developable
 from planish.flattening.overlaps import overlaps
-from planish.flattening.pieces import as_seen, bring_together, lay_apart, number_pieces
+from planish.flattening.pieces import align_pieces, number_pieces, orient_to_view, pack_pieces
+from planish.flattening.solution import Solution
 from planish.flattening.untangle import untangle
 from planish.mesh import LEAST_HEIGHT, Topology, relative_heights
 from planish.parallel import ParallelFor, thread_pool
@@ -43,37 +43,13 @@ APART = 0.03
 """Room between pieces that lie apart, in the side of the sheet."""
 
 
-class Relaxed(NamedTuple):
-    """A sheet laid flat.
-
-    Attributes
-    ----------
-    xy : (n, 2) float64 [mm]
-        x right, y up, printed side up: faces run counter-clockwise.
-    outcome : Outcome
-    iterations : int
-    residuals : (iterations + 1,) float64
-        Root mean square relative error of the sticks, at the start and after each step.
-    warnings : tuple of Diagnostic
-    at_rest : (n, 2) float64 [mm]
-        As `xy`, but as the sticks left it, before faces that noise turned over were laid with their printed side up.
-    """
-
-    xy: Floats
-    outcome: Outcome
-    iterations: int
-    residuals: Floats
-    warnings: tuple[Diagnostic, ...]
-    at_rest: Floats
-
-
-def relax(
+def solve_sticks(
     mesh: Mesh,
     topology: Topology,
     sticks: Sticks,
     settings: MultigridSettings | None = None,
     progress: Callable[[float], None] | None = None,
-) -> Relaxed:
+) -> Solution:
     """Lay a sheet flat, so that its sticks come as near to their lengths as all of them together can.
 
     Parameters
@@ -100,7 +76,7 @@ def relax(
     >>> faces = np.concatenate([np.stack(f, -1).reshape(-1, 3) for f in [(i, i + 32, i + 1), (i, i + 31, i + 32)]])
     >>> mesh = Mesh(points, faces)
     >>> found = topology(mesh.faces, len(points))
-    >>> flat = relax(mesh, found, make_sticks(mesh, found, "unfolded"))
+    >>> flat = solve_sticks(mesh, found, make_sticks(mesh, found, "unfolded"))
     >>> flat.outcome.name, np.ptp(flat.xy, axis=0).round(2).tolist()
     ('SETTLED', [29.99, 40.0])
     """
@@ -110,23 +86,24 @@ def relax(
     edge = median_edge(rest)
     side = edge * float(np.sqrt(len(mesh.points)))
     with thread_pool() as parallel_for:
-        faces, found = as_they_lie(mesh.faces, topology, sticks.turned)
-        xy, piece = lay_out(faces, found, rest, len(mesh.points), parallel_for)
+        faces, found = apply_face_flips(mesh.faces, topology, sticks.turned)
+        xy, piece, aligned = initial_layout(faces, found, rest, len(mesh.points), parallel_for)
         xy, _ = untangle(xy, faces, found, rest)  # sticks can hold a flipped face down for a hundred steps
         tell(0.3)
         piece, count = number_pieces(piece)
         if count > 1:
-            xy = lay_apart(xy, piece, count, APART * side)
+            xy = pack_pieces(xy, piece, count, APART * side)
         xy, outcome, residuals = _bring_to_rest(
             xy, faces, found, sticks, s, parallel_for, lambda share: tell(0.3 + 0.65 * share)
         )
-        if outcome is not Outcome.SETTLED or residuals[-1] > NO_PAPER:
+        failed = outcome is not Outcome.SETTLED or aligned is Outcome.DIVERGED
+        if failed or residuals[-1] > NO_PAPER:
             xy, outcome, residuals = _not_as_paper(
                 mesh, topology, sticks, piece, s, (xy, outcome, residuals), parallel_for
             )
             if count > 1:
-                xy = lay_apart(xy, piece, count, APART * side)
-    xy = as_seen(mesh.points, mesh.faces, xy, piece, count)
+                xy = pack_pieces(xy, piece, count, APART * side)
+    xy = orient_to_view(mesh.points, mesh.faces, xy, piece, count)
     warnings: list[Diagnostic] = []
     if count > 1:
         xy, warnings = _place(mesh, topology, xy, piece, count, edge, side)
@@ -137,7 +114,7 @@ def relax(
     if outcome is Outcome.SETTLED and residuals[-1] > CRUSHED:
         outcome = Outcome.CRUSHED
     tell(1.0)
-    return Relaxed(xy, outcome, len(residuals) - 1, residuals, tuple(warnings), at_rest)
+    return Solution(xy, outcome, len(residuals) - 1, residuals, warnings=tuple(warnings), at_rest=at_rest)
 
 
 _FLIPPED = (
@@ -226,7 +203,7 @@ def _not_as_paper(
     Faces that noise turned over are no flips of the first.
     """
     rest = sticks.rest[: sticks.edges]
-    ours = distortion(ended[0], *as_they_lie(mesh.faces, topology, sticks.turned), rest)
+    ours = distortion(ended[0], *apply_face_flips(mesh.faces, topology, sticks.turned), rest)
     other = solve_non_developable(mesh, topology, rest, piece, parallel_for, settings.max_steps)
     return other if distortion(other[0], mesh.faces, topology, rest) < ours else ended
 
@@ -235,10 +212,10 @@ def _place(
     mesh: Mesh, topology: Topology, xy: Floats, piece: Ints, count: int, edge: float, side: float
 ) -> tuple[Floats, list[Diagnostic]]:
     """Pieces beside each other where their gaps are plain, the others apart; and what to tell about it."""
-    apart = lay_apart(xy, piece, count, APART * side)
-    together, group, joints = bring_together(mesh.points, mesh.faces, topology, xy, piece, count, edge)
+    apart = pack_pieces(xy, piece, count, APART * side)
+    together, group, joints = align_pieces(mesh.points, mesh.faces, topology, xy, piece, count, edge)
     group, groups = number_pieces(group)
-    together = lay_apart(together, group, groups, APART * side)
+    together = pack_pieces(together, group, groups, APART * side)
     if joints and overlaps(mesh.faces, together, topology) > overlaps(mesh.faces, apart, topology):
         together, groups, joints = apart, count, []
     warnings = []

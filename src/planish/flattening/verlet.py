@@ -7,15 +7,15 @@ falls by the same rules.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
 
 from planish.flattening.collide import keep_apart, mark_passed, near_pairs, slow_down
+from planish.flattening.solution import Solution
 from planish.mesh import neighbours
 from planish.settings import VerletSettings
-from planish.types import Bools, Floats, Ints, Mesh, Outcome, Sticks
+from planish.types import Floats, Ints, Mesh, Outcome, Sticks
 
 WINDOW = 50
 """Steps a call of the kernel: a fraction of a second, so that Ctrl-C and progress get their turn."""
@@ -31,36 +31,13 @@ HEAVIEST = 16
 sheets of the gallery that stall (a spread, a crumpled sheet), with the same error as those that need none."""
 
 
-@dataclass(frozen=True, eq=False)
-class Settled:
-    """What became of a falling sheet.
-
-    Attributes
-    ----------
-    points : (n, 3) float64 [mm]
-    outcome : Outcome
-    residuals : (steps,) float64
-        Root mean square relative error of the sticks after each step.
-    heights : (steps,) float64 [mm]
-        Greatest height above the plane after each step.
-    passed : (n,) bool
-        Points that went through another layer of the sheet on the way.
-    """
-
-    points: Floats
-    outcome: Outcome
-    residuals: Floats
-    heights: Floats
-    passed: Bools
-
-
-def settle(
+def simulate_verlet(
     mesh: Mesh,
     sticks: Sticks,
     settings: VerletSettings | None = None,
     progress: Callable[[float], None] | None = None,
     watch: Callable[[Floats], None] | None = None,
-) -> Settled:
+) -> Solution:
     """Let a sheet fall on the plane z = 0 and come to rest there.
 
     Parameters
@@ -111,7 +88,7 @@ def settle(
                 residuals[done - 1] = _ease(x, *bound)
                 show()
             break
-    return Settled(x * unit, outcome, residuals[:done].copy(), heights[:done] * unit, passed)
+    return Solution(x * unit, outcome, done, residuals[:done].copy(), heights[:done] * unit, passed)
 
 
 def at_rest(residuals: Floats, heights: Floats, tolerance: float) -> Outcome | None:
@@ -139,7 +116,7 @@ def _steps(  # type: ignore[no-untyped-def]
         if thickness > 0.0:
             slow_down(x, before)
         for turn in range(rounds):
-            residuals[step] = relax(x, pairs, rest, weight, turn % 2 == 1)
+            residuals[step] = satisfy_constraints(x, pairs, rest, weight, turn % 2 == 1)
             if thickness > 0.0:
                 keep_apart(x, faces, watched, side, thickness)
             heights[step] = project(x)
@@ -157,7 +134,7 @@ def _ease(x, pairs, rest, weight):  # type: ignore[no-untyped-def]
     residual = 0.0
     for turn in range(EASING_ROUNDS):
         slack[:] = weight / (1.0 + turn / EASING_START)
-        residual = relax(x, pairs, rest, slack, turn % 2 == 1)
+        residual = satisfy_constraints(x, pairs, rest, slack, turn % 2 == 1)
     return residual
 
 
@@ -173,7 +150,7 @@ def fall(x, before, dt, gravity):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def relax(x, pairs, rest, weight, backwards):  # type: ignore[no-untyped-def]
+def satisfy_constraints(x, pairs, rest, weight, backwards):  # type: ignore[no-untyped-def]
     """One round over the sticks, each brought to its length by moving both ends alike (1).
 
     Returns the root mean square of the relative errors as they were met. Every other round runs backwards, which

@@ -26,7 +26,7 @@ def turned_over(points: Floats, faces: Ints, normals: NDArray[np.float32], paral
     faces : (m, 3) int32
     normals : (n, 3) float32
         Of the surface, without noise.
-    parallel_for : Crew
+    parallel_for : ParallelFor
     """
     turned = np.empty(len(faces), np.bool_)
     parallel_for(_turned_over, len(faces), points, faces, normals, turned)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from planish.flattening import settle
+from planish.flattening import simulate_verlet
 from planish.geometry.guards import normalize
 from planish.geometry.rigid_fit import fit_rigid
 from planish.mesh import Coarse, Topology, area_vectors, onto_support_plane, prolongate, subsample, topology
@@ -154,7 +154,7 @@ def _simulate_verlet(mesh: Mesh) -> tuple[NDArray[np.float32], Outcome]:
     sticks = make_sticks(mesh, topology(mesh.faces, len(mesh.points)), "unfolded")
     history: list[NDArray[np.float32]] = []
     standing = Mesh.owned(onto_support_plane(mesh)[0], mesh.faces)
-    result = settle(
+    result = simulate_verlet(
         standing, sticks, ANIMATION_SETTINGS, watch=lambda points: history.append(points.astype(np.float32))
     )
     states = np.array(history)
