@@ -167,7 +167,7 @@ def test_an_image_that_says_it_is_huge_is_refused_before_it_fills_the_memory(kin
     rows, cols = picture().shape[:2]
     size = struct.pack(f"{order}HH", *((rows, cols) if kind == "jpeg" else (cols, rows)))
     assert size in PHOTOS[kind]
-    with pytest.raises(InputError, match="no photo fits so many into"):
+    with pytest.raises(InputError, match=r"no photo fits so many into|more pixels than are read of a WebP"):
         decode_photo("photo", PHOTOS[kind].replace(size, struct.pack(f"{order}H", 16_000) * 2))
 
 

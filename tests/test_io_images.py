@@ -209,3 +209,60 @@ def test_a_cut_photo_is_noticed(name):
 def test_large_photos_are_read_without_a_word():
     large = Image.new("1", (12_000, 9_000))  # 108 megapixels: Pillow warns from 89 on
     assert decode_photo("photo.png", encoded(large, "PNG")).pixels.shape == (9_000, 12_000, 3)
+
+
+def test_reading_changes_no_limit_of_the_process(monkeypatch):
+    """Other threads may rely on Pillow's limit while a photo above it is read."""
+    monkeypatch.setattr(Image, "MAX_IMAGE_PIXELS", 100)
+    seen = []
+    init = Image.init
+
+    def watched():
+        seen.append(Image.MAX_IMAGE_PIXELS)
+        return init()
+
+    monkeypatch.setattr(Image, "init", watched)
+    file = io.BytesIO()
+    Image.fromarray(picture(40, 60)).save(file, "PNG")
+    assert decode_photo("photo.png", file.getvalue()).pixels.shape == (40, 60, 3)
+    assert seen
+    assert set(seen) == {100}
+
+
+@pytest.mark.parametrize("depth", [8, 10])
+def test_a_photo_of_a_phone(depth):
+    pillow_heif = pytest.importorskip("pillow_heif")
+    top = 2**depth - 1
+    smooth = picture(64, 96, dtype=np.uint16) / 65535
+    values = np.rint(smooth * top).astype(np.uint16)
+    shown = (values << (16 - depth)) if depth > 8 else values.astype(np.uint8)
+    mode = "RGB;16" if depth > 8 else "RGB"
+    file = io.BytesIO()
+    made = pillow_heif.from_bytes(mode=mode, size=(96, 64), data=np.ascontiguousarray(shown).tobytes())
+    made.save(file, quality=-1, chroma=444)
+    found = decode_photo("IMG_1.HEIC", file.getvalue())
+    assert found.pixels.dtype == (np.uint16 if depth > 8 else np.uint8)
+    level = found.pixels / np.iinfo(found.pixels.dtype).max
+    assert np.abs(level - smooth).max() < 0.02  # the codec's own conversion of colours
+    with pytest.raises(InputError, match="a HEIC photo, but damaged"):
+        decode_photo("IMG_1.HEIC", file.getvalue()[:300])
+
+
+def raw_tiff(dng=True):
+    """A TIFF as cameras write it: a thumbnail in the first directory, raw pixels in the one below it."""
+    import tifffile
+
+    file = io.BytesIO()
+    with tifffile.TiffWriter(file) as tiff:
+        extra = [(50706, "B", 4, (1, 4, 0, 0), True)] if dng else []
+        tiff.write(picture(30, 40), photometric="rgb", subfiletype=1, subifds=1, extratags=extra, metadata=None)
+        tiff.write(np.zeros((120, 160), np.uint16), photometric=32803, metadata=None)
+    return file.getvalue()
+
+
+@pytest.mark.parametrize("dng", [True, False])
+def test_the_thumbnail_of_a_raw_photo_is_never_taken_for_it(dng):
+    pytest.importorskip("rawpy")
+    assert min(decode_photo("photo.dng", raw_tiff(dng)).pixels.shape[:2]) > 100  # 160 x 120, perhaps without a rim
+    with pytest.raises(InputError, match="a camera's raw photo that cannot be developed"):
+        decode_photo("photo.dng", raw_tiff(dng)[:-30_000])

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import io
 import logging
-from collections.abc import Iterator
+import struct
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -119,7 +120,7 @@ def decode_photo(name: str, data: bytes, *, upright: bool = False) -> Photo:
         pixels, icc = _three_channels(name, pixels, icc, warnings)
         return Photo(np.ascontiguousarray(pixels), icc, warnings)
     with _decoding(name):
-        image = Image.open(io.BytesIO(data), formats=list(FORMATS))
+        image = _open(data, FORMATS)
         _check_size(name, image, data)
         orientation = _orientation(image)
         image.load()  # finds every damage that Pillow can find
@@ -159,7 +160,7 @@ def decode_grid(name: str, data: bytes, kind: Literal["TIFF", "PNG"] = "TIFF") -
         If it is none, damaged, cut short, or above 400 megapixels.
     """
     with _decoding(name, f"a {kind}"):
-        image = Image.open(io.BytesIO(data), formats=[kind])
+        image = _open(data, [kind])
         _check_size(name, image, data, fewest=1)
         image.load()
         return np.array(image)
@@ -167,8 +168,7 @@ def decode_grid(name: str, data: bytes, kind: Literal["TIFF", "PNG"] = "TIFF") -
 
 @contextmanager
 def _decoding(name: str, wanted: str = _WANTED) -> Iterator[None]:
-    """Let Pillow open large images, keep decoders quiet, and make one sentence of whatever a bad file raises."""
-    limit, Image.MAX_IMAGE_PIXELS = Image.MAX_IMAGE_PIXELS, None
+    """Keep decoders quiet, and make one sentence of whatever a bad file raises."""
     try:
         with suppress_stderr():
             yield
@@ -176,13 +176,36 @@ def _decoding(name: str, wanted: str = _WANTED) -> Iterator[None]:
         raise
     except Image.UnidentifiedImageError:
         raise InputError(f"{name} is no image that can be read; {wanted} is wanted") from None
+    except Image.DecompressionBombError:  # WebP's decoder asks for the process's limit itself
+        raise InputError(f"{name} says that it has more pixels than are read of a WebP; give it as JPEG") from None
     except MemoryError:
         raise InputError(f"{name} does not fit into the memory; give a smaller photo") from None
     except Exception as problem:  # decoders raise nearly every class there is on damaged files
         reason = " ".join(str(problem).split()) or type(problem).__name__
         raise InputError(f"{name} is damaged or was cut short: {reason}; copy it again") from problem
-    finally:
-        Image.MAX_IMAGE_PIXELS = limit
+
+
+def _open(data: bytes, kinds: Iterable[str]) -> Image.Image:
+    """Open an image as `Image.open` does, without its limit of pixels: that is one for all threads of the process.
+
+    Raises
+    ------
+    PIL.UnidentifiedImageError
+        If it is of none of these kinds.
+    """
+    Image.preinit()
+    Image.init()
+    for kind in kinds:
+        if kind not in Image.OPEN:  # a Pillow without AVIF or WebP
+            continue
+        factory, accepts = Image.OPEN[kind]
+        if accepts is not None and accepts(data[:16]) is not True:
+            continue
+        try:
+            return factory(io.BytesIO(data), "")
+        except (SyntaxError, IndexError, TypeError, struct.error):  # as Pillow says that this is another kind
+            continue
+    raise Image.UnidentifiedImageError
 
 
 def _check_size(name: str, image: Image.Image, data: bytes, fewest: int = FEWEST_PIXELS) -> None:
