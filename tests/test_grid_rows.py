@@ -36,7 +36,7 @@ def test_holes_in_the_image_do_not_matter():
     known[12:20, 25:33] = False
     index = np.where(known, np.cumsum(known).reshape(known.shape) - 1, -1).astype(np.int32)
     row, col = np.nonzero(known)
-    depth = 400 + 4 * np.sin(col / 9) + 3 * np.cos(row / 7) + rng.normal(0, 0.3, len(row))
+    depth = 400 + 4 * np.sin(col / 9) + 3 * np.cos(row / 7) + rng.normal(0, 0.1, len(row))
     points = np.stack([(col - 25) / 900, (row - 20) / 900, np.ones(len(row))], axis=1) * depth[:, None]
     eye = viewpoint_of_rows(points, topology(grid_faces(index, points), len(points)).edges)
     np.testing.assert_allclose(eye, 0, atol=0.5)

@@ -58,15 +58,16 @@ def viewpoint_of_rows(points: Floats, edges: Ints) -> Floats | None:
     >>> bool((np.abs(eye[:2] / eye[2]) < 1e-4).all())  # far above the middle of the map
     True
     """
-    pixels = _pixels(points, edges)
-    if pixels is None:
+    found = _pixels(points, edges)
+    if found is None:
         return None
+    pixels, run = found
     every = len(points) // SAMPLE + 1
-    return _common_point(points[::every], pixels[::every].astype(np.float64))
+    return _common_point(points[::every], pixels[::every].astype(np.float64), run[::every])
 
 
-def _pixels(points: Floats, edges: Ints) -> Pixels | None:
-    """(n, 2) column and row of every point in the range image, or None where the mesh has no rows."""
+def _pixels(points: Floats, edges: Ints) -> tuple[Pixels, Pixels] | None:
+    """(n, 2) column and row of every point and (n,) its run of pixels, or None where the mesh has no rows."""
     in_row = edges[:, 1] - edges[:, 0] == 1
     if len(edges) == 0 or in_row.mean() < LEAST_IN_ROWS:
         return None
@@ -78,7 +79,7 @@ def _pixels(points: Floats, edges: Ints) -> Pixels | None:
     if pixels is None:
         return None
     step = np.abs(pixels[edges[:, 1]] - pixels[edges[:, 0]])
-    return pixels if (step.max(axis=1) <= 1).mean() >= MIN_REGULAR else None
+    return (pixels, run) if (step.max(axis=1) <= 1).mean() >= MIN_REGULAR else None
 
 
 def _aligned(points: Floats, edges: Ints, run: Pixels, column: Pixels) -> Pixels | None:
@@ -130,33 +131,50 @@ def _laid_out(
     return np.stack([start[run] + column, row[run]], axis=1) if len(order) > 1 else None
 
 
-def _common_point(points: Floats, pixels: Floats) -> Floats | None:
-    """(3,) place whose rays through the points keep to the pixels, or None where there is none."""
+def _common_point(points: Floats, pixels: Floats, run: Pixels) -> Floats | None:
+    """(3,) place whose rays through the points keep to the pixels, or None where there is none.
+
+    Between fits, runs that were aligned a pixel or more off are moved to where the camera sees them.
+    """
     kept = np.ones(len(points), bool)
     for _ in range(ROUNDS):
         found = list(_candidates(points, pixels, kept))
-        best = [float(np.median(misfit[kept])) for misfit, _ in found]
-        misfit, eye = found[int(np.argmax(np.array(best) <= max(PLAIN * MAX_MISFIT_PX, min(best))))]
-        limit = max(OUTLIER * float(np.median(misfit[kept])), MAX_MISFIT_PX)
-        if (misfit <= limit).mean() < LEAST_KEPT:
+        off = [np.linalg.norm(seen - pixels, axis=1) for seen, _ in found]
+        best = np.array([np.median(misfit[kept]) for misfit in off])
+        chosen = int(np.argmax(best <= max(PLAIN * MAX_MISFIT_PX, best.min())))
+        seen, eye = found[chosen]
+        moves = _moves_of_runs(seen - pixels, run)
+        if moves.any():
+            pixels = pixels + moves
+            continue
+        near = off[chosen] <= max(OUTLIER * float(best[chosen]), MAX_MISFIT_PX)
+        if near.mean() < LEAST_KEPT:
             return None
-        if np.array_equal(kept, misfit <= limit):
+        if np.array_equal(kept, near):
             break
-        kept = misfit <= limit
-    return eye if float(np.sqrt((misfit[kept] ** 2).mean())) < MAX_MISFIT_PX else None
+        kept = near
+    misfit = np.linalg.norm(seen - pixels, axis=1)[kept]
+    return eye if float(np.sqrt((misfit**2).mean())) < MAX_MISFIT_PX else None
+
+
+def _moves_of_runs(off: Floats, run: Pixels) -> Floats:
+    """(n, 2) whole pixels that each run is off by on average."""
+    first = np.flatnonzero(np.r_[True, np.diff(run) != 0])
+    size = np.diff(np.r_[first, len(run)])
+    return np.asarray(np.repeat(np.rint(np.add.reduceat(off, first) / size[:, None]), size, axis=0))
 
 
 def _candidates(points: Floats, pixels: Floats, kept: Bools) -> Iterator[tuple[Floats, Floats]]:
-    """Misfit [px] of every point and the viewpoint, for each kind of camera, fitted to the points that are kept."""
+    """Where [px] every point is seen, and the viewpoint, by each kind of camera, fitted to the points that are kept."""
     middle = points.mean(axis=0)
     extent = float(np.abs(points - middle).max())
-    affine, misfit = _fitted(np.c_[points - middle, np.ones(len(points))], pixels, kept)
+    affine, seen = _fitted(np.c_[points - middle, np.ones(len(points))], pixels, kept)
     along = np.cross(*affine[:3].T)
-    yield misfit, middle + FAR * extent * along / max(float(np.linalg.norm(along)), TINY)
+    yield seen, middle + FAR * extent * along / max(float(np.linalg.norm(along)), TINY)
     if (camera := resect(points[kept], pixels[kept])) is not None:
         seen = points @ camera[:, :3].T + camera[:, 3]
         eye: Floats = -np.linalg.lstsq(camera[:, :3], camera[:, 3], rcond=None)[0].astype(np.float64)
-        yield np.asarray(np.linalg.norm(seen[:, :2] / seen[:, 2:] - pixels, axis=1)), eye
+        yield seen[:, :2] / seen[:, 2:], eye
     if (np.sign(points[:, 2]) == np.sign(points[0, 2])).all() and np.abs(points[:, 2]).min() > 1e-3 * extent:
         slope = points[:, :2] / points[:, 2:]
         slope = slope - slope.mean(axis=0)
@@ -168,4 +186,4 @@ def _candidates(points: Floats, pixels: Floats, kept: Bools) -> Iterator[tuple[F
 
 def _fitted(terms: Floats, pixels: Floats, kept: Bools) -> tuple[Floats, Floats]:
     solution: Floats = np.linalg.lstsq(terms[kept], pixels[kept], rcond=None)[0].astype(np.float64)
-    return solution, np.asarray(np.linalg.norm(terms @ solution - pixels, axis=1))
+    return solution, terms @ solution

@@ -106,8 +106,10 @@ def _compare(first, last, some, points, rows, ring, doubtful, least, feet, axes,
             j = ring.neighbour[q]
             if not doubtful[j]:
                 middle, trusted = plus(middle, 1.0, row(points, j)), trusted + 1
-        if trusted < 2:
-            continue
+        if trusted < 2:  # it may be the spike that makes them doubtful
+            middle, trusted = (0.0, 0.0, 0.0), ring.start[i + 1] - ring.start[i]
+            for q in range(ring.start[i], ring.start[i + 1]):
+                middle = plus(middle, 1.0, row(points, ring.neighbour[q]))
         middle = times(1.0 / trusted, middle)
         spread = 0.0
         for q in range(count):
