@@ -20,10 +20,10 @@ ROOM = 600
 REACH = 2.2
 """Neighbours count up to this many radii away, where their weight is 0.09."""
 
-SAME_SIDE = math.cos(math.radians(50.0))
+SAME_SIDE = math.cos(math.radians(20.0))
 """Neighbours whose averaged normals differ by more lie across a fold."""
 
-NORMAL_ROUNDS = 6
+NORMAL_ROUNDS = 12
 """Rounds of averaging of the area vectors that tell one side of a fold from the other."""
 
 STIFF = 0.02
