@@ -23,6 +23,9 @@ REACH = 2.2
 SAME_SIDE = math.cos(math.radians(20.0))
 """Neighbours whose averaged normals differ by more lie across a fold."""
 
+SAME_SIDE_AT_FIRST = math.cos(math.radians(50.0))
+"""The same, while normals are still rough."""
+
 NORMAL_ROUNDS = 12
 """Rounds of averaging of the area vectors that tell one side of a fold from the other."""
 
@@ -50,6 +53,7 @@ def onto_quadrics(
     ring: Ring,
     radius: float,
     parallel_for: ParallelFor,
+    same_side: float = SAME_SIDE,
 ) -> Floats:
     """Move every point along its direction onto a quadric fitted to its neighbours, with Gaussian weights.
 
@@ -63,6 +67,8 @@ def onto_quadrics(
     ring : Ring
     radius : float [mm]
         Standard deviation of the weights.
+    same_side : float
+        Least cosine between the normals of neighbours that count.
 
     Returns
     -------
@@ -70,7 +76,7 @@ def onto_quadrics(
     """
     moved = np.empty_like(points)
     parallel_for(
-        _onto_quadrics, len(points), points, normals, directions, ring, 1 / radius, REACH**2, SAME_SIDE, STIFF, moved,
+        _onto_quadrics, len(points), points, normals, directions, ring, 1 / radius, REACH**2, same_side, STIFF, moved,
         block=2048,
     )  # fmt: skip
     return moved

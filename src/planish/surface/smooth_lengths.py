@@ -15,9 +15,10 @@ from planish.mesh import Topology
 from planish.parallel import ParallelFor, thread_pool
 from planish.surface.arc_lengths import lengths_over
 from planish.surface.flipped_faces import turned_over
-from planish.surface.local_quadrics import average_normals, onto_quadrics
+from planish.surface.local_quadrics import SAME_SIDE_AT_FIRST, average_normals, onto_quadrics
 from planish.surface.noise import FROM_MEAN, FROM_MEDIAN, angle_defects, around, noise_length, typical
 from planish.surface.noise_plan import CLEAN, plan_for_shared, plan_smoothing
+from planish.surface.normals import surface_rows
 from planish.surface.rays import GRAZING, onto_surface
 from planish.surface.smooth_surface import Scan, Surface, find_surface, look_at
 from planish.surface.spikes import find_spikes
@@ -180,6 +181,10 @@ def _presmoothed(scan: Scan, faces: Ints, topology: Topology, eye: Floats | None
     edge = scan.points[scan.edges[:, 1]] - scan.points[scan.edges[:, 0]]
     across = np.einsum("ij,ij->i", edge, directions[scan.edges[:, 0]])
     spacing = float(np.median(np.sqrt(np.maximum(np.einsum("ij,ij->i", edge, edge) - across**2, 0.0))))
+    rough = onto_quadrics(
+        scan.points, normals, directions, scan.ring, RADII_OF_QUADRICS[0] * spacing, parallel_for, SAME_SIDE_AT_FIRST
+    )
+    normals = average_normals(surface_rows(rough, faces), scan.ring)
     total = math.inf
     for radius in RADII_OF_QUADRICS:
         moved = onto_quadrics(scan.points, normals, directions, scan.ring, radius * spacing, parallel_for)
