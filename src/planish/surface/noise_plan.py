@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planish.parallel import ParallelFor
+from planish.surface.local_quadrics import SAME_SIDE, SAME_SIDE_OF_STEEP
 from planish.surface.noise import FROM_MEAN, FROM_MEDIAN, around
 from planish.surface.noise_scale import noise_scale
 from planish.surface.normals import NOISE, typical_step
@@ -73,15 +74,15 @@ class Plan(NamedTuple):
         By how much the sheet may buckle more than it does raw.
     move : bool
         Whether points are moved onto the surface; else only what is white is taken out of them, along known rays.
-    steep : bool
-        Whether the mesh is so rough that points are first moved onto quadrics.
+    same_side : float
+        Where points are first moved onto quadrics: least cosine between the normals of neighbours; else 0.
     """
 
     rounds: int
     reach: float
     slack: float
     move: bool = False
-    steep: bool = False
+    same_side: float = 0.0
 
 
 CLEAN = Plan(0, 0.0, CLEAN_SLACK)
@@ -115,7 +116,8 @@ def plan_for_shared(scan: Scan, parallel_for: ParallelFor, *, strong: bool = Fal
     local = around(scan.points, mean, scan.spacing, parallel_for)
     scan.rows[:, NOISE] = np.clip((local / max(typical_size, 1e-9)) ** 2, LEAST_NOISE, 1 / LEAST_NOISE)
     reach = min(SHARED_REACH * typical_size, SHARED_REACH_AT_MOST) ** 2
-    return Plan(MOST, reach, math.inf, move=True, steep=strong or typical_size > STEEP)
+    same_side = SAME_SIDE_OF_STEEP if typical_size > STEEP else SAME_SIDE if strong else 0.0
+    return Plan(MOST, reach, math.inf, move=True, same_side=same_side)
 
 
 def _is_noisy(buckling: float, step: float) -> bool:

@@ -15,7 +15,7 @@ from planish.mesh import Topology
 from planish.parallel import ParallelFor, thread_pool
 from planish.surface.arc_lengths import lengths_over
 from planish.surface.flipped_faces import turned_over
-from planish.surface.local_quadrics import SAME_SIDE_AT_FIRST, average_normals, onto_quadrics
+from planish.surface.local_quadrics import SAME_SIDE_OF_STEEP, average_normals, onto_quadrics
 from planish.surface.noise import FROM_MEAN, FROM_MEDIAN, angle_defects, around, noise_length, typical
 from planish.surface.noise_plan import CLEAN, plan_for_shared, plan_smoothing
 from planish.surface.normals import surface_rows
@@ -140,8 +140,8 @@ def smooth_lengths(points: Floats, faces: Ints, topology: Topology, *, eye: Floa
         if plan.rounds and eye is None:
             eye = viewpoint_of_rows(points, topology.edges)
         original = scan.points
-        if plan.steep:
-            scan = _presmoothed(scan, faces, topology, eye, parallel_for)
+        if plan.same_side:
+            scan = _presmoothed(scan, faces, topology, eye, plan.same_side, parallel_for)
             plan = plan_for_shared(scan, parallel_for)
         for tried in (plan, CLEAN) if plan.rounds else (CLEAN,):
             surface = find_surface(scan, tried.rounds, parallel_for, tried.reach)
@@ -174,7 +174,9 @@ def smooth_normals(mesh: Mesh, topology: Topology) -> NDArray[np.float32]:
     return smooth_lengths(mesh.points, mesh.faces, topology).normals
 
 
-def _presmoothed(scan: Scan, faces: Ints, topology: Topology, eye: Floats | None, parallel_for: ParallelFor) -> Scan:
+def _presmoothed(
+    scan: Scan, faces: Ints, topology: Topology, eye: Floats | None, same_side: float, parallel_for: ParallelFor
+) -> Scan:
     """Scan whose points lie on local quadrics, of the least radius from which on the edges do not get shorter."""
     normals = average_normals(scan.rows, scan.ring)
     directions = normals.astype(np.float64) if eye is None else _rays(scan, eye)
@@ -182,12 +184,12 @@ def _presmoothed(scan: Scan, faces: Ints, topology: Topology, eye: Floats | None
     across = np.einsum("ij,ij->i", edge, directions[scan.edges[:, 0]])
     spacing = float(np.median(np.sqrt(np.maximum(np.einsum("ij,ij->i", edge, edge) - across**2, 0.0))))
     rough = onto_quadrics(
-        scan.points, normals, directions, scan.ring, RADII_OF_QUADRICS[0] * spacing, parallel_for, SAME_SIDE_AT_FIRST
+        scan.points, normals, directions, scan.ring, RADII_OF_QUADRICS[0] * spacing, parallel_for, SAME_SIDE_OF_STEEP
     )
     normals = average_normals(surface_rows(rough, faces), scan.ring)
     total = math.inf
     for radius in RADII_OF_QUADRICS:
-        moved = onto_quadrics(scan.points, normals, directions, scan.ring, radius * spacing, parallel_for)
+        moved = onto_quadrics(scan.points, normals, directions, scan.ring, radius * spacing, parallel_for, same_side)
         lengths = distances(moved, scan.edges)
         if total < (1 + SIZE_SETTLED) * lengths.sum():
             break
