@@ -204,7 +204,10 @@ def _not_as_paper(
     """
     rest = sticks.rest[: sticks.edges]
     ours = distortion(ended[0], *apply_face_flips(mesh.faces, topology, sticks.turned), rest)
-    other = solve_non_developable(mesh, topology, rest, piece, parallel_for, settings.max_steps)
+    try:
+        other = solve_non_developable(mesh, topology, rest, piece, parallel_for, settings.max_steps)
+    except RuntimeError:  # "Factor is exactly singular", where points lie upon each other
+        return ended
     return other if distortion(other[0], mesh.faces, topology, rest) < ours else ended
 
 
