@@ -21,8 +21,8 @@ REACH = 2.2
 """Neighbours count up to this many radii away, where their weight is 0.09."""
 
 SAME_SIDE = math.cos(math.radians(20.0))
-"""Neighbours whose averaged normals differ by more than 20 degrees lie across a fold. With 30 degrees a letter folded by
-46 and 56 is 0.23 % too small, with 50 degrees 0.30 %, so 0.14 %."""
+"""Neighbours whose averaged normals differ by more than 20 degrees lie across a fold. With 30 degrees a letter folded
+by 46 and 56 is 0.23 % too small, with 50 degrees 0.30 %, so 0.14 %."""
 
 SAME_SIDE_OF_STEEP = math.cos(math.radians(50.0))
 """The same, while normals are still rough, or always where the mesh is: with 20 degrees a plane under noise of one
