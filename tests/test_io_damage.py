@@ -25,6 +25,7 @@ from planish.io.pages import jpeg_bytes, png_bytes
 from planish.io.ply import read_ply
 from planish.io.ply_write import ply_parts
 from planish.io.polygons import of_triangles, triangulate
+from planish.io.suppress_stderr import OWN_PROCESS
 from samples import camera_above, obj_text, picture, sheet_scan
 
 SCAN = sheet_scan()
@@ -172,8 +173,9 @@ def test_an_image_that_says_it_is_huge_is_refused_before_it_fills_the_memory(kin
 
 
 @pytest.mark.parametrize("kind", ["tiff", "16 bit png", "16 bit tiff"])
-def test_decoders_print_nothing(kind, capfd):
+def test_decoders_print_nothing_in_a_process_of_our_own(kind, capfd, monkeypatch):
     """Libtiff, libpng and Pillow's warnings each told of a damaged file in words of their own."""
+    monkeypatch.setenv(OWN_PROCESS, "1")
     good = PHOTOS[kind]
     for k in range(8, len(good), max(1, len(good) // 60)):
         data = good[:k] + bytes([good[k] ^ 0x55]) + good[k + 1 :]

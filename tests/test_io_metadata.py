@@ -1,4 +1,5 @@
 import hashlib
+import os
 from xml.etree import ElementTree
 
 import numpy as np
@@ -11,8 +12,9 @@ from planish.gallery import sheet as known_sheet
 from planish.gallery import sheet_mesh
 from planish.io import Origin, fingerprints, origin_of, read_scan, write_page, write_scan
 from planish.io.metadata import xmp_packet
+from planish.io.suppress_stderr import suppress_stderr
 from planish.settings import FlattenSettings, RestoreSettings
-from planish.types import Page, Scan
+from planish.types import Mesh, Page, Scan
 from samples import picture, sheet_scan
 
 ORIGIN = Origin("Flattened from a 3D scan by multigrid.", (("scan.obj", "ab" * 32),))
@@ -122,3 +124,17 @@ def test_the_method_is_said_in_a_sentence():
     assert origin_of(done.report, {"a": "1"}, "nick") == Origin(
         "Flattened from a 3D scan by multigrid with unfolded lengths; shading kept; binarized by nick.", (("a", "1"),)
     )
+
+
+def test_the_digest_is_of_the_bytes_that_were_read(tmp_path):
+    """A file that changes while its scan is worked on: the report names what the page was made from."""
+    (path,) = write_scan(tmp_path / "sheet.ply", Scan(Mesh([[0.0, 0, 0], [100, 0, 0], [0, 100, 0]], [[0, 1, 2]])))
+    read, before = read_scan(path), hashlib.sha256(path.read_bytes()).hexdigest()
+    path.write_bytes(b"something else")
+    assert fingerprints(read.sources, read.digests) == {"sheet.ply": before}
+
+
+def test_a_library_leaves_stderr_to_the_program_around_it(capfd):
+    with suppress_stderr():
+        os.write(2, b"from another thread")
+    assert capfd.readouterr().err == "from another thread"

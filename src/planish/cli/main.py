@@ -51,6 +51,7 @@ def main(arguments: list[str] | None = None) -> NoReturn:
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         if signal.getsignal(number) is not signal.SIG_IGN:  # ignored in background jobs and under nohup
             signal.signal(number, _leave)
+    os.environ["PLANISH_OWN_PROCESS"] = "1"  # see planish.io.suppress_stderr, which is not imported yet
     if (sys.argv[1:] if arguments is None else arguments)[:1] == ["serve"]:  # the server handles signals itself
         sys.exit(run(arguments))
     with ThreadPoolExecutor(1) as worker:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import hashlib
 import json
 import os
 import shutil
@@ -39,6 +40,9 @@ _WAITING: ContextVar[list[tuple[AtomicFile, Path]] | None] = ContextVar("_WAITIN
 """Finished files and the names that they shall get, inside `all_or_nothing`."""
 
 
+_DIGESTS: ContextVar[dict[Path, str] | None] = ContextVar("_DIGESTS", default=None)
+"""SHA-256 of the files read inside `recording_digests`."""
+
 _UNFINISHED: dict[int, Callable[[], None]] = {}
 """What takes away the files that are being written just now."""
 
@@ -64,6 +68,17 @@ def cleanup_on_exit(cleanup: Callable[[], None]) -> Iterator[None]:
         del _UNFINISHED[id(cleanup)]
 
 
+@contextmanager
+def recording_digests() -> Iterator[dict[Path, str]]:
+    """Record the SHA-256 of every file that `read_bytes` reads in the block, of the very bytes that are used."""
+    digests: dict[Path, str] = {}
+    token = _DIGESTS.set(digests)
+    try:
+        yield digests
+    finally:
+        _DIGESTS.reset(token)
+
+
 def read_bytes(path: str | Path) -> bytes:
     """Read a whole file that must hold something.
 
@@ -84,6 +99,8 @@ def read_bytes(path: str | Path) -> bytes:
     data = parts[0] if len(parts) == 1 else b"".join(parts)
     if not data:
         raise InputError(f"{path} is empty (0 bytes); was it copied or downloaded to its end?")
+    if (digests := _DIGESTS.get()) is not None:
+        digests[path] = hashlib.sha256(data).hexdigest()
     return data
 
 

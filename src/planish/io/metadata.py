@@ -8,7 +8,7 @@ from __future__ import annotations
 import hashlib
 import os
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -65,8 +65,14 @@ def origin_of(report: Report, sources: dict[str, str], binarized_by: str | None 
     return Origin(f"{'; '.join(said)}.", tuple(sources.items()))
 
 
-def fingerprints(paths: Iterable[Path]) -> dict[str, str]:
+def fingerprints(paths: Iterable[Path], digests: Mapping[Path, str] | None = None) -> dict[str, str]:
     """SHA-256 of files by their names; of a tifxyz folder, of its files one after the other.
+
+    Parameters
+    ----------
+    paths : iterable of Path
+    digests : mapping, optional
+        Those that are known, as of `ReadScan`: the bytes that were used count, though the file may have changed since.
 
     Raises
     ------
@@ -81,9 +87,9 @@ def fingerprints(paths: Iterable[Path]) -> dict[str, str]:
     ...     fingerprints([Path(f"{folder}/a.obj")])["a.obj"][:16]
     'e3b0c44298fc1c14'
     """
-    every = list(dict.fromkeys(paths))
+    every, known = list(dict.fromkeys(paths)), digests or {}
     names = [path.name for path in every]
-    return {path.name if names.count(path.name) == 1 else str(path): _sha256(path) for path in every}
+    return {path.name if names.count(path.name) == 1 else str(path): known.get(path) or _sha256(path) for path in every}
 
 
 def _sha256(path: Path) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +14,7 @@ from planish.errors import InputError
 from planish.geometry import depths
 from planish.io.cameras import read_camera, scaled_camera
 from planish.io.filemesh import FileMesh
+from planish.io.files import recording_digests
 from planish.io.images import Photo, stored_shape
 from planish.io.meshes import read_mesh
 from planish.io.polygons import Polygons, triangulate
@@ -39,6 +40,8 @@ class ReadScan:
         The file's own faces and texture coordinates.
     sources : tuple of Path
         The files that were read: the mesh (a folder for tifxyz), photos that are files of their own, cameras.
+    digests : dict
+        SHA-256 of the bytes that were read of each file.
     """
 
     scan: Scan
@@ -46,6 +49,7 @@ class ReadScan:
     warnings: list[Diagnostic]
     polygons: Polygons
     sources: tuple[Path, ...] = ()
+    digests: dict[Path, str] = field(default_factory=dict)
 
     __repr__ = one_line
 
@@ -83,10 +87,16 @@ def read_scan(
     InputError
         If a file is missing, damaged, of the wrong kind, or the files do not belong together.
     """
-    path, photos = Path(path), listed(photo)
+    with recording_digests() as digests:
+        scan = _read_scan(Path(path), photo, camera, units, None if inside is None else Path(inside))
+    return replace(scan, digests=digests)
+
+
+def _read_scan(path: Path, photo: Files, camera: Files, units: str, inside: Path | None) -> ReadScan:
+    photos = listed(photo)
     cameras = matched(photos, listed(camera))
     main, seen_by = (photos[0] if photos else None), cameras[0]
-    found = read_mesh(path, None if inside is None else Path(inside))
+    found = read_mesh(path, inside)
     unit, told = decide_unit(_used(found), units, found.unit)
     warnings = [*found.warnings, *told]
     scale = mm_per_unit(unit)

@@ -1,4 +1,4 @@
-"""Quiet decoders: what C libraries print about a damaged file, planish says itself, in one sentence."""
+"""Quiet decoders: what C libraries print about a damaged file, planish reports itself, in one sentence."""
 
 from __future__ import annotations
 
@@ -13,6 +13,9 @@ from planish.io.files import cleanup_on_exit
 
 _STDERR = 2
 
+OWN_PROCESS = "PLANISH_OWN_PROCESS"
+"""Environment variable that the command line sets; worker processes inherit it."""
+
 _lock = Lock()
 _inside = 0
 _kept: int | None = None
@@ -22,12 +25,16 @@ _kept: int | None = None
 def suppress_stderr() -> Iterator[None]:
     """Let nothing reach stderr inside the block: no warning of Python's, no print of libtiff or libpng.
 
-    Those print to the file descriptor itself, so it is turned away for the whole process while any thread is inside.
+    Those print to the file descriptor itself. It is redirected only in processes that are planish's own, the command
+    line and its workers (`OWN_PROCESS` in the environment): in a program that uses planish as a library, other threads
+    may print meanwhile.
 
     Examples
     --------
+    >>> os.environ[OWN_PROCESS] = "1"
     >>> with suppress_stderr():
     ...     _ = os.write(2, b"TIFFFillStrip: Read error on strip 0")
+    >>> del os.environ[OWN_PROCESS]
     """
 
     def turn_back() -> None:
@@ -50,7 +57,7 @@ def _turn_away() -> None:
     global _inside, _kept
     with _lock:
         _inside += 1
-        if _inside > 1:
+        if _inside > 1 or OWN_PROCESS not in os.environ:
             return
         if sys.stderr is not None:
             sys.stderr.flush()

@@ -51,7 +51,7 @@ def mm_per_unit(unit: Unit) -> float:
     Examples
     --------
     >>> mm_per_unit("in"), mm_per_unit("7.91um"), mm_per_unit("0.1 mm")
-    (MM_PER_INCH, 0.00791, 0.1)
+    (25.4, 0.00791, 0.1)
     """
     found = _LENGTH.match(unit.strip())
     symbol = found[2].lower() if found else ""

@@ -40,7 +40,7 @@ def make_html(inputs: JobInputs, out: Path, progress: Progress | None = None, *,
     start = perf_counter()
     progress("read", 0.0)
     loaded = read_scan(inputs.scan, photo=inputs.photo or None, camera=inputs.camera or None, units=inputs.units)
-    sources = fingerprints(loaded.sources)
+    sources = fingerprints(loaded.sources, loaded.digests)
     read_seconds = perf_counter() - start
     restoration = restore(loaded.scan, inputs.settings, progress, way_up)
     report = with_file_info(replace(restoration.report, sources=sources), loaded, read_seconds, 0.0)

@@ -112,7 +112,7 @@ def run(job: Job, progress: Progress | None = None) -> JobResult:
         start = perf_counter()
         progress("read", 0.0)
         loaded = _read_scan(job)
-        sources = fingerprints(loaded.sources)
+        sources = fingerprints(loaded.sources, loaded.digests)
         read_seconds = perf_counter() - start
         restoration = restore(loaded.scan, job.settings, progress, way_up)
         text, seconds = [], dict(restoration.report.seconds)
