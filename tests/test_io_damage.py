@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from planish.errors import InputError
+from planish.io import read_scan
 from planish.io.cameras import camera_as_json, read_camera
 from planish.io.captures import image_files
 from planish.io.depths import read_depths
@@ -214,3 +215,19 @@ def test_a_las_header_that_promises_millions_of_records_is_not_believed(place):
     header[place : place + 4] = b"\xff\xff\xff\xff"
     with pytest.raises(InputError, match="promises"):
         read_las(Path("points.las"), bytes(header))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "Shape { geometry IndexedFaceSet { coord",
+        "Shape { geometry IndexedFaceSet { coordIndex",
+        "Shape { children 5 geometry IndexedFaceSet { children 7 } }",
+    ],
+    ids=["node without a value", "field without a value", "a field called children"],
+)
+def test_vrml_that_breaks_off_or_names_its_fields_oddly(tmp_path, text):
+    """The fuzzer's finds: each ended in an exception of Python's."""
+    (tmp_path / "sheet.wrl").write_text(f"#VRML V2.0 utf8\n{text}")
+    with pytest.raises(InputError, match=r"sheet\.wrl"):
+        read_scan(tmp_path / "sheet.wrl")

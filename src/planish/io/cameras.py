@@ -85,8 +85,8 @@ def read_camera(
     (480, 640)
     """
     path = Path(path)
-    told = _read(path, photo_name)
-    return _camera(path, told, photo_name, mm_per_unit, photo_shape, [] if warnings is None else warnings)
+    entries = _read(path, photo_name)
+    return _camera(path, entries, photo_name, mm_per_unit, photo_shape, [] if warnings is None else warnings)
 
 
 def scaled_camera(camera: Camera, shape_rc: tuple[int, int]) -> Camera | None:
@@ -111,46 +111,46 @@ def scaled_camera(camera: Camera, shape_rc: tuple[int, int]) -> Camera | None:
     return Camera(matrix, camera.rotation, camera.translation, shape_rc, camera.distortion)
 
 
-def camera_from_json(path: str | Path, told: object) -> Camera:
+def camera_from_json(path: str | Path, entries: object) -> Camera:
     """A camera that is part of another file, in mm; `path` is for messages."""
-    if not isinstance(told, dict):
+    if not isinstance(entries, dict):
         raise InputError(f"{path} holds no camera: a JSON object with its numbers is wanted")
-    return _camera(Path(path), told, None, 1.0, None, [])
+    return _camera(Path(path), entries, None, 1.0, None, [])
 
 
 def holds_many(path: str | Path) -> bool:
     """Whether a camera file has a camera for each of several photos, by their names."""
-    told = _read(Path(path), None)
-    return "cameras" in told or isinstance(told.get("P"), dict)
+    entries = _read(Path(path), None)
+    return "cameras" in entries or isinstance(entries.get("P"), dict)
 
 
 def _camera(
     path: Path,
-    told: dict[str, Any],
+    entries: dict[str, Any],
     photo_name: str | None,
     mm_per_unit: float,
     photo_shape: tuple[int, int] | None,
     warnings: list[Diagnostic],
 ) -> Camera:
-    form = next((key for key in _KEYS if key in told), None)
-    foreign = form is None or (form == "P" and not told.keys() <= _KEYS["P"])
-    translated = translate_json(path, told) if foreign or form == "image_size" else None
+    form = next((key for key in _KEYS if key in entries), None)
+    foreign = form is None or (form == "P" and not entries.keys() <= _KEYS["P"])
+    translated = translate_json(path, entries) if foreign or form == "image_size" else None
     if translated is not None:
-        _note_unknown(path, told.keys() - translated[1] - _KEYS["image_size"], warnings)
+        _note_unknown(path, entries.keys() - translated[1] - _KEYS["image_size"], warnings)
         return _own_form(path, translated[0], mm_per_unit, photo_shape)
     if form is None:
         raise InputError(f"{path} holds no camera: it has none of {', '.join(_KEYS)} (docs/formats.md shows the forms)")
-    _note_unknown(path, told.keys() - _KEYS[form], warnings)
+    _note_unknown(path, entries.keys() - _KEYS[form], warnings)
     if form == "cameras":
-        one = _named(path, "cameras", told["cameras"], photo_name)
+        one = _named(path, "cameras", entries["cameras"], photo_name)
         if not isinstance(one, dict) or "cameras" in one:
             raise InputError(f"{path}: each of “cameras” must be a camera (docs/formats.md shows the forms)")
         return _camera(path, one, photo_name, mm_per_unit, photo_shape, warnings)
     if form == "P":
-        return _from_projection(path, _projection(path, told["P"], photo_name), _size(path, told), mm_per_unit)
+        return _from_projection(path, _projection(path, entries["P"], photo_name), _size(path, entries), mm_per_unit)
     if form == "focal_px":
-        return _straight_down(path, told, mm_per_unit)
-    return _own_form(path, told, mm_per_unit, photo_shape)
+        return _straight_down(path, entries, mm_per_unit)
+    return _own_form(path, entries, mm_per_unit, photo_shape)
 
 
 def _note_unknown(path: Path, unknown: set[str], warnings: list[Diagnostic]) -> None:
@@ -178,12 +178,12 @@ def _read(path: Path, photo_name: str | None) -> dict[str, Any]:
     if other is not None:
         return other
     try:
-        told = json.loads(data)
+        entries = json.loads(data)
     except (ValueError, RecursionError) as problem:  # ValueError: no JSON, or no text at all
         raise InputError(f"{path} is no JSON file: {problem}") from None
-    if not isinstance(told, dict):
+    if not isinstance(entries, dict):
         raise InputError(f"{path} holds no camera: a JSON object with its numbers is wanted")
-    return told
+    return entries
 
 
 def _numbers(path: Path, name: str, value: object, *shapes: tuple[int, ...]) -> Floats:
@@ -201,13 +201,13 @@ def _numbers(path: Path, name: str, value: object, *shapes: tuple[int, ...]) -> 
     return array
 
 
-def _size(path: Path, told: dict[str, Any], photo_shape: tuple[int, int] | None = None) -> tuple[int, int]:
+def _size(path: Path, entries: dict[str, Any], photo_shape: tuple[int, int] | None = None) -> tuple[int, int]:
     """Rows and columns of the photo."""
-    if "image_size" not in told and photo_shape is not None:
+    if "image_size" not in entries and photo_shape is not None:
         return photo_shape
-    if "image_size" not in told:
+    if "image_size" not in entries:
         raise InputError(f"{path} does not say “image_size”: [width, height] of the photo in pixels")
-    width, height = _numbers(path, "image_size", told["image_size"], (2,))
+    width, height = _numbers(path, "image_size", entries["image_size"], (2,))
     return _rows_and_columns(path, width, height)
 
 
@@ -221,30 +221,30 @@ def _rows_and_columns(path: Path, width: float, height: float) -> tuple[int, int
     return int(height), int(width)
 
 
-def _own_form(path: Path, told: dict[str, Any], mm_per_unit: float, photo_shape: tuple[int, int] | None) -> Camera:
-    if "matrix" in told:
-        matrix = _numbers(path, "matrix", told["matrix"], (3, 3))
+def _own_form(path: Path, entries: dict[str, Any], mm_per_unit: float, photo_shape: tuple[int, int] | None) -> Camera:
+    if "matrix" in entries:
+        matrix = _numbers(path, "matrix", entries["matrix"], (3, 3))
         if not (matrix[2] == [0, 0, 1]).all() or matrix[1, 0] != 0:
             raise InputError(f"{path}: “matrix” must be [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]")
     else:
-        lost = [key for key in ("fx", "fy", "cx", "cy") if key not in told]
+        lost = [key for key in ("fx", "fy", "cx", "cy") if key not in entries]
         if lost:
             raise InputError(f"{path} does not say “{lost[0]}”; “matrix” or fx, fy, cx, cy are wanted [px]")
-        fx, fy, cx, cy = (float(_numbers(path, key, told[key], ())) for key in ("fx", "fy", "cx", "cy"))
+        fx, fy, cx, cy = (float(_numbers(path, key, entries[key], ())) for key in ("fx", "fy", "cx", "cy"))
         matrix = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
     if not (matrix[0, 0] > 0 and matrix[1, 1] > 0):
         raise InputError(
             f"{path}: the focal lengths are {matrix[0, 0]:g} and {matrix[1, 1]:g} pixels; above 0 is wanted"
         )
-    distortion = _numbers(path, "distortion", told.get("distortion", []), *((n,) for n in _DISTORTION_LENGTHS))
-    translation = _numbers(path, "translation", told.get("translation", [0, 0, 0]), (3,)) * mm_per_unit
-    if "translation_mm" in told:
-        translation = _numbers(path, "translation", told["translation_mm"], (3,))
-    return Camera(matrix, _rotation(path, told), translation, _size(path, told, photo_shape), distortion)
+    distortion = _numbers(path, "distortion", entries.get("distortion", []), *((n,) for n in _DISTORTION_LENGTHS))
+    translation = _numbers(path, "translation", entries.get("translation", [0, 0, 0]), (3,)) * mm_per_unit
+    if "translation_mm" in entries:
+        translation = _numbers(path, "translation", entries["translation_mm"], (3,))
+    return Camera(matrix, _rotation(path, entries), translation, _size(path, entries, photo_shape), distortion)
 
 
-def _rotation(path: Path, told: dict[str, Any]) -> Floats:
-    rotation = _numbers(path, "rotation", told.get("rotation", np.eye(3)), (3, 3), (3,))
+def _rotation(path: Path, entries: dict[str, Any]) -> Floats:
+    rotation = _numbers(path, "rotation", entries.get("rotation", np.eye(3)), (3, 3), (3,))
     if rotation.shape == (3,):
         rotation = Rotation.from_rotvec(rotation).as_matrix()
     with np.errstate(over="ignore", invalid="ignore"):  # then it is no rotation
@@ -290,12 +290,12 @@ def _from_projection(path: Path, projection: Floats, shape_rc: tuple[int, int], 
     return Camera(matrix / matrix[2, 2], rotation, translation * mm_per_unit, shape_rc)
 
 
-def _straight_down(path: Path, told: dict[str, Any], mm_per_unit: float) -> Camera:
-    lost = [key for key in ("width", "height", "cam") if key not in told]
+def _straight_down(path: Path, entries: dict[str, Any], mm_per_unit: float) -> Camera:
+    lost = [key for key in ("width", "height", "cam") if key not in entries]
     if lost:
         raise InputError(f"{path} does not say “{lost[0]}”; focal_px, width, height and cam are wanted")
-    focal, width, height = (float(_numbers(path, key, told[key], ())) for key in ("focal_px", "width", "height"))
-    x, y_down, z = _numbers(path, "cam", told["cam"], (3,)) * mm_per_unit
+    focal, width, height = (float(_numbers(path, key, entries[key], ())) for key in ("focal_px", "width", "height"))
+    x, y_down, z = _numbers(path, "cam", entries["cam"], (3,)) * mm_per_unit
     if not focal > 0:
         raise InputError(f"{path}: “focal_px” is {focal:g} pixels; above 0 is wanted")
     rows, cols = _rows_and_columns(path, width, height)

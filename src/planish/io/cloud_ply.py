@@ -34,8 +34,8 @@ def read_ply_cloud(path: Path, data: bytes) -> FileCloud:
     tables, comments = ply_tables(path, data, {"vertex", "range_grid", "camera"})
     vertex = tables.get("vertex", {})
     points, colours, normals = ply_points(path, vertex), _colours(vertex), _columns(vertex, ("nx", "ny", "nz"))
-    told = "\n".join(comments)
-    sizes = {name.lower(): int(number) for name, number in _SIZE.findall(told)}
+    comment_text = "\n".join(comments)
+    sizes = {name.lower(): int(number) for name, number in _SIZE.findall(comment_text)}
     shape_rc = _shape(sizes, tables.get("camera", {}), len(points))
     if "range_grid" in tables:
         shape_rc = sizes.get("num_rows", 0), sizes.get("num_cols", 0)
@@ -43,7 +43,7 @@ def read_ply_cloud(path: Path, data: bytes) -> FileCloud:
         points = np.vstack([points, [np.nan] * 3])[row]  # row -1: nothing was seen
         colours = None if colours is None else as_colours([np.append(channel, 0)[row] for channel in colours.T])
         normals = None if normals is None else np.vstack([normals, np.zeros_like(normals[:1])])[row]
-    return FileCloud(points, colours, normals, shape_rc, unit=unit_named_in(told))
+    return FileCloud(points, colours, normals, shape_rc, unit=unit_named_in(comment_text))
 
 
 def _columns(vertex: dict[str, Column], names: tuple[str, ...]) -> Floats | None:

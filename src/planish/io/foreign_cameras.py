@@ -32,71 +32,76 @@ _OTHER_LENSES = ("equidistant", "fisheye", "kannala", "ftheta", "f-theta", "omni
 _POLYCAM_POSE = [f"t_{row}{col}" for row in range(3) for col in range(4)]
 
 
-def translate_json(path: Path, told: Json) -> tuple[Json, set[str]] | None:
+def translate_json(path: Path, entries: Json) -> tuple[Json, set[str]] | None:
     """The camera of another program's JSON in planish's own form, and the keys that were used; None if it is none.
 
     Lengths are in mm where that program's are metres.
     """
-    if isinstance(told.get("intrinsic"), dict):  # Open3D's PinholeCameraParameters
-        inner = translate_json(path, told["intrinsic"])
-        if inner is not None and "extrinsic" in told:
-            matrix = _numbers(path, "extrinsic", told["extrinsic"], 16).reshape(4, 4).T
+    if isinstance(entries.get("intrinsic"), dict):  # Open3D's PinholeCameraParameters
+        inner = translate_json(path, entries["intrinsic"])
+        if inner is not None and "extrinsic" in entries:
+            matrix = _numbers(path, "extrinsic", entries["extrinsic"], 16).reshape(4, 4).T
             inner[0].update(rotation=matrix[:3, :3].tolist(), translation=matrix[:3, 3].tolist())
         return None if inner is None else (inner[0], {"intrinsic", "extrinsic"})
     used: set[str] = set()
-    intrinsics = _intrinsics(path, told, used)
+    intrinsics = _intrinsics(path, entries, used)
     if intrinsics is None:
         return None
     own = intrinsics
-    model = next((str(told[key]) for key in ("distortion_model", "model") if key in told), "")
-    used |= {"distortion_model", "model"} & told.keys()
+    model = next((str(entries[key]) for key in ("distortion_model", "model") if key in entries), "")
+    used |= {"distortion_model", "model"} & entries.keys()
     if any(word in model.lower() for word in _OTHER_LENSES):
         raise InputError(f"{path} has the lens model {model[:40]}; a pinhole camera with OpenCV's distortion is wanted")
     if "distortion" not in own:
-        name = next((name for name in _DISTORTION_NAMES if name in told), None)
+        name = next((name for name in _DISTORTION_NAMES if name in entries), None)
         if name is not None:
             used.add(name)
-            own["distortion"] = _distortion(path, name, told[name])
-    width, height = _size(told, used)
+            own["distortion"] = _distortion(path, name, entries[name])
+    width, height = _size(entries, used)
     if width is not None and height is not None:
         own["image_size"] = [width, height]
-    if all(key in told for key in _POLYCAM_POSE):
+    if all(key in entries for key in _POLYCAM_POSE):
         used |= set(_POLYCAM_POSE)
-        own |= _from_arkit_pose(path, [told[key] for key in _POLYCAM_POSE])
+        own |= _from_arkit_pose(path, [entries[key] for key in _POLYCAM_POSE])
     for key in ("rotation", "translation"):
-        if key in told and key not in own:
+        if key in entries and key not in own:
             used.add(key)
-            own[key] = told[key]
+            own[key] = entries[key]
     return own, used
 
 
-def _intrinsics(path: Path, told: Json, used: set[str]) -> Json | None:
-    if "intrinsic_matrix" in told:  # Open3D: by columns
+def _intrinsics(path: Path, entries: Json, used: set[str]) -> Json | None:
+    if "intrinsic_matrix" in entries:  # Open3D: by columns
         used.add("intrinsic_matrix")
-        numbers = _numbers(path, "intrinsic_matrix", told["intrinsic_matrix"], 9).reshape(3, 3)
+        numbers = _numbers(path, "intrinsic_matrix", entries["intrinsic_matrix"], 9).reshape(3, 3)
         return {"matrix": (numbers.T if numbers[0, 2] == 0 else numbers).tolist()}
-    name = next((name for name in _MATRIX_NAMES if name in told), None)
+    name = next((name for name in _MATRIX_NAMES if name in entries), None)
     if name is not None:
-        used |= {name} | ({"R", "P", "r", "p", "binning_x", "binning_y", "roi", "header"} & told.keys())
-        return {"matrix": _numbers(path, name, _data(told[name]), 9).reshape(3, 3).tolist()}
+        used |= {name} | ({"R", "P", "r", "p", "binning_x", "binning_y", "roi", "header"} & entries.keys())
+        return {"matrix": _numbers(path, name, _data(entries[name]), 9).reshape(3, 3).tolist()}
     for middle in (("ppx", "ppy"), ("cx", "cy")):
         keys = ("fx", "fy", *middle)
-        if all(key in told for key in keys):
+        if all(key in entries for key in keys):
             used |= set(keys)
-            fx, fy, cx, cy = (float(_numbers(path, key, told[key], 1)[0]) for key in keys)
+            fx, fy, cx, cy = (float(_numbers(path, key, entries[key], 1)[0]) for key in keys)
             return {"matrix": [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]}
     return None
 
 
-def _size(told: Json, used: set[str]) -> tuple[Any, Any]:
+def _size(entries: Json, used: set[str]) -> tuple[Any, Any]:
     found = []
     for names in (_WIDTH_NAMES, _HEIGHT_NAMES):
-        name = next((name for name in names if name in told), None)
-        found.append(None if name is None else told[name])
+        name = next((name for name in names if name in entries), None)
+        found.append(None if name is None else entries[name])
         used |= {name} if name else set()
-    if "image_size" in told and None in found and isinstance(told["image_size"], list) and len(told["image_size"]) == 2:
+    if (
+        "image_size" in entries
+        and None in found
+        and isinstance(entries["image_size"], list)
+        and len(entries["image_size"]) == 2
+    ):
         used.add("image_size")
-        found = told["image_size"]
+        found = entries["image_size"]
     return found[0], found[1]
 
 
@@ -154,17 +159,17 @@ def read_other_text(path: Path, data: bytes, photo_name: str | None) -> Json | N
 
 def _from_yaml(text: str) -> Json:
     """The keys at the left margin and their numbers: all that camera files of OpenCV and ROS hold."""
-    told: Json = {}
+    entries: Json = {}
     for block in re.split(r"(?m)^(?=[A-Za-z_])", text):
         key, _, rest = block.partition(":")
         data = re.search(r"data\s*:\s*\[([^\]]*)\]", rest) or re.match(r"\s*\[([^\]]*)\]", rest)
         if data:
-            told[key.strip()] = _words_as_numbers(re.split(r"[\s,]+", data[1]))
+            entries[key.strip()] = _words_as_numbers(re.split(r"[\s,]+", data[1]))
         elif re.match(r"[ \t]*\S+[ \t]*(?:\n|\Z)", rest):
-            told[key.strip()] = _as_number(rest.strip())
+            entries[key.strip()] = _as_number(rest.strip())
         elif rest.strip().startswith("-"):  # a list line by line
-            told[key.strip()] = _words_as_numbers(re.findall(r"(?m)^\s*-\s*([-+.\deE]+)\s*$", rest))
-    return told
+            entries[key.strip()] = _words_as_numbers(re.findall(r"(?m)^\s*-\s*([-+.\deE]+)\s*$", rest))
+    return entries
 
 
 def _words_as_numbers(words: Iterable[str]) -> list[float | str]:
@@ -187,14 +192,14 @@ def _from_xml(path: Path, text: str, photo_name: str | None) -> Json | None:
         return _from_metashape(path, root, photo_name)
     if root.tag == "calibration":
         return _metashape_sensor(path, root)
-    told: Json = {}
+    entries: Json = {}
     for child in root:
         data = child.find("data")
         content = (child.text if data is None else data.text) or ""
         numbers = _words_as_numbers(content.split())
         if numbers:
-            told[child.tag] = numbers if data is not None or len(numbers) > 1 else numbers[0]
-    return told
+            entries[child.tag] = numbers if data is not None or len(numbers) > 1 else numbers[0]
+    return entries
 
 
 def _from_metashape(path: Path, root: ElementTree.Element, photo_name: str | None) -> Json:

@@ -167,8 +167,8 @@ def _arrays(document: Document, primitive: Json) -> tuple[dict[str, NDArray], ND
     packed = document.child(primitive, "extensions").get(DRACO)
     if packed is not None:
         packed = document.child(primitive, "extensions", DRACO)
-        told = document.child(packed, "attributes")
-        numbers = {name: document.integer(told, name) for name in wanted if name in told}
+        properties = document.child(packed, "attributes")
+        numbers = {name: document.integer(properties, name) for name in wanted if name in properties}
         triangles, arrays = unpack_draco(document.path, bytes(document.view(packed.get("bufferView"))), numbers)
         return {name: _as_accessor(document, attributes[name], array) for name, array in arrays.items()}, triangles
     arrays = {name: document.array(attributes[name]) for name in wanted}
@@ -216,12 +216,12 @@ def _texture(
     document: Document, primitive: Json, arrays: dict[str, NDArray], count: int
 ) -> tuple[Floats | None, int, bool]:
     """Texture coordinates (count, 2), v up; the number of the image (-1: none), and whether it repeats."""
-    told = _photo_of_material(document, primitive)
-    transform = document.child(told, "extensions", "KHR_texture_transform")
-    number = document.integer(transform, "texCoord", document.integer(told, "texCoord", 0))
+    properties = _photo_of_material(document, primitive)
+    transform = document.child(properties, "extensions", "KHR_texture_transform")
+    number = document.integer(transform, "texCoord", document.integer(properties, "texCoord", 0))
     image, repeats = -1, False
-    if "index" in told:
-        texture = document.entry("textures", told["index"])
+    if "index" in properties:
+        texture = document.entry("textures", properties["index"])
         image = _source(document, texture)
         sampler = document.entry("samplers", texture["sampler"]) if "sampler" in texture else {}
         repeats = all(sampler.get(wrap, _REPEAT) == _REPEAT for wrap in ("wrapS", "wrapT"))
@@ -247,7 +247,7 @@ def _photo_of_material(document: Document, primitive: Json) -> Json:
         (material, "emissiveTexture"),
     )
     found = (document.child(owner, key) for owner, key in places)
-    return next((told for told in found if "index" in told), {})
+    return next((properties for properties in found if "index" in properties), {})
 
 
 def _source(document: Document, texture: Json) -> int:
@@ -274,11 +274,11 @@ def _images(document: Document, parts: list[_Part]) -> MeshImages:
     every = document.entries(document.tree, "images")
     of_face = np.concatenate([np.full(len(part.corners), part.image, np.int32) for part in parts])
     names, files, warnings = [], [], []
-    for number, told in enumerate(every):
-        names.append(_image_name(document, number, told))
+    for number, properties in enumerate(every):
+        names.append(_image_name(document, number, properties))
         file: Image | None = None
         if (of_face == number).any():
-            file, missing = _image(document, told)
+            file, missing = _image(document, properties)
             warnings += missing
         files.append(file)
     if every and not (of_face >= 0).any():
@@ -298,16 +298,16 @@ def _roles(material: Json) -> list[str]:
     return found + (["roughness map"] if isinstance(rough, dict) and "metallicRoughnessTexture" in rough else [])
 
 
-def _image_name(document: Document, number: int, told: Json) -> str:
-    uri = document.word(told, "uri", "data:")
-    return document.word(told, "name") or f"image {number}" if uri.startswith("data:") else unquote(uri)
+def _image_name(document: Document, number: int, properties: Json) -> str:
+    uri = document.word(properties, "uri", "data:")
+    return document.word(properties, "name") or f"image {number}" if uri.startswith("data:") else unquote(uri)
 
 
-def _image(document: Document, told: Json) -> tuple[Image | None, list[Diagnostic]]:
+def _image(document: Document, properties: Json) -> tuple[Image | None, list[Diagnostic]]:
     """The file of an image beside the mesh, or the bytes of one within."""
-    if "bufferView" in told:
-        return bytes(document.view(told["bufferView"])), []
-    uri = document.word(told, "uri")
+    if "bufferView" in properties:
+        return bytes(document.view(properties["bufferView"])), []
+    uri = document.word(properties, "uri")
     if uri.startswith("data:"):
         return document.uri(uri), []
     return find_image(document.path, unquote(uri), document.inside)

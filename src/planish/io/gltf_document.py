@@ -132,23 +132,27 @@ class Document:
 
     def array(self, number: object) -> NDArray:
         """The numbers (count, width) of an accessor."""
-        told = self.entry("accessors", number)
-        count, kind, width = self.integer(told, "count"), self._kind(told), _WIDTHS.get(self.word(told, "type"), 0)
+        properties = self.entry("accessors", number)
+        count, kind, width = (
+            self.integer(properties, "count"),
+            self._kind(properties),
+            _WIDTHS.get(self.word(properties, "type"), 0),
+        )
         if not width:
-            raise self.damaged(f"its accessor {number} is of type {_shown(told.get('type'))}")
-        if "bufferView" in told:
-            stride = self.entry("bufferViews", told["bufferView"]).get("byteStride")
+            raise self.damaged(f"its accessor {number} is of type {_shown(properties.get('type'))}")
+        if "bufferView" in properties:
+            stride = self.entry("bufferViews", properties["bufferView"]).get("byteStride")
             stride = self.integer({"byteStride": stride}, "byteStride") if stride else None
-            start = self.integer(told, "byteOffset", 0)
-            numbers = self._numbers(told["bufferView"], start, count, width, kind, stride)
-        elif "sparse" in told:
+            start = self.integer(properties, "byteOffset", 0)
+            numbers = self._numbers(properties["bufferView"], start, count, width, kind, stride)
+        elif "sparse" in properties:
             check_memory(count * width * kind.itemsize, f"{self.path} with its {count:,} points", "is it damaged?")
             numbers = np.zeros((count, width), kind)
         else:
             raise self.damaged(f"its accessor {number} has no data")
-        if "sparse" in told:
-            numbers = self._with_sparse(numbers.copy(), self.child(told, "sparse"))
-        if told.get("normalized") is True and kind.kind != "f":
+        if "sparse" in properties:
+            numbers = self._with_sparse(numbers.copy(), self.child(properties, "sparse"))
+        if properties.get("normalized") is True and kind.kind != "f":
             return np.maximum(numbers / np.iinfo(kind).max, -1.0)
         return numbers
 
@@ -164,40 +168,40 @@ class Document:
             raise InputError(f"{self.path} names the file {unquote(uri)[:200]}, which does not exist beside it")
         return read_bytes(found)
 
-    def _kind(self, told: Json) -> np.dtype:
-        kind = told.get("componentType")
+    def _kind(self, properties: Json) -> np.dtype:
+        kind = properties.get("componentType")
         if not isinstance(kind, int) or kind not in _COMPONENTS:
             raise self.damaged(f"its componentType is {_shown(kind)}; 5120 to 5126 are known")
         return np.dtype(_COMPONENTS[kind])
 
     def _buffer(self, number: object) -> bytes:
-        told = self.entry("buffers", number)
+        properties = self.entry("buffers", number)
         assert isinstance(number, int)
         if number not in self._buffers:
-            if "uri" in told:
-                self._buffers[number] = self.uri(self.word(told, "uri"))
+            if "uri" in properties:
+                self._buffers[number] = self.uri(self.word(properties, "uri"))
             elif self._binary is not None:
                 self._buffers[number] = self._binary
             else:
                 raise self.damaged("a buffer has no data")
         return self._buffers[number]
 
-    def _slice(self, told: Json, number: int) -> memoryview:
-        start, length = self.integer(told, "byteOffset", 0), self.integer(told, "byteLength")
-        buffer = self._buffer(told.get("buffer"))
+    def _slice(self, properties: Json, number: int) -> memoryview:
+        start, length = self.integer(properties, "byteOffset", 0), self.integer(properties, "byteLength")
+        buffer = self._buffer(properties.get("buffer"))
         if start + length > len(buffer):
             raise self.damaged(f"its buffer view {number} ends beyond its buffer")
         return memoryview(buffer)[start : start + length]
 
-    def _unpacked(self, told: Json, number: int) -> memoryview:
+    def _unpacked(self, properties: Json, number: int) -> memoryview:
         """A view that is packed by meshopt, as plain bytes."""
         from planish.io.gltf_packed import unpack_meshopt
 
-        packed = self._slice(told, number)
-        count, stride = self.integer(told, "count"), self.integer(told, "byteStride")
+        packed = self._slice(properties, number)
+        count, stride = self.integer(properties, "count"), self.integer(properties, "byteStride")
         if count * stride > _MOST_PACKED * len(packed) + 4096:
             raise self.damaged(f"its buffer view {number} says that it holds {count:,} rows")
-        mode, bent = self.word(told, "mode"), self.word(told, "filter", "NONE")
+        mode, bent = self.word(properties, "mode"), self.word(properties, "filter", "NONE")
         unpacked = unpack_meshopt(self.path, bytes(packed), count, stride, mode, bent)
         if unpacked is None:
             raise self.damaged(f"its buffer view {number} cannot be unpacked")

@@ -236,10 +236,10 @@ def _check_pixels(name: str, width: int, height: int, fewest: int = FEWEST_PIXEL
 def _orientation(image: Image.Image) -> int:
     """How the photo asks to be shown, 1 to 8; 1 (as it is stored) also where its EXIF is damaged."""
     try:
-        told: Any = image.getexif().get(_ORIENTATION)
+        orientation: Any = image.getexif().get(_ORIENTATION)
     except Exception:  # the reader of EXIF raises nearly every class there is; the pixels are what counts
         return 1
-    return told if told in range(2, 9) else 1
+    return orientation if orientation in range(2, 9) else 1
 
 
 def _stored_pixels(

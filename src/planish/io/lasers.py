@@ -73,15 +73,15 @@ def read_rig(path: str | Path) -> tuple[Floats, Camera, list[Diagnostic]]:
         If the file says nothing of the kind.
     """
     path = Path(path)
-    told = _told(path)
-    lost = [key for key in ("lasers", "camera") if key not in told]
+    entries = _told(path)
+    lost = [key for key in ("lasers", "camera") if key not in entries]
     if lost:
         raise InputError(f"{path} does not say “{lost[0]}”; `planish calibrate laser-lines` makes such a file")
-    planes = _planes(path, "lasers", told["lasers"], 2)
+    planes = _planes(path, "lasers", entries["lasers"], 2)
     if len(planes) != 2:
         raise InputError(f"{path} has {len(planes)} lasers; two are wanted, the upper one first")
-    notes = [Diagnostic("calibration-note", str(told["note"]))] if "note" in told else []
-    return planes, camera_from_json(path, told["camera"]), notes
+    notes = [Diagnostic("calibration-note", str(entries["note"]))] if "note" in entries else []
+    return planes, camera_from_json(path, entries["camera"]), notes
 
 
 def write_rig(
@@ -95,11 +95,11 @@ def write_rig(
 
     For a sweep also point and direction of the axis that they turn about.
     """
-    told: dict[str, Any] = {"lasers": planes.tolist()}
+    entries: dict[str, Any] = {"lasers": planes.tolist()}
     if axis is not None:
-        told["axis"] = {"point": axis[0].tolist(), "direction": axis[1].tolist()}
-    told["camera"] = camera_as_json(camera)
-    write_json(path, told if note is None else {**told, "note": note})
+        entries["axis"] = {"point": axis[0].tolist(), "direction": axis[1].tolist()}
+    entries["camera"] = camera_as_json(camera)
+    write_json(path, entries if note is None else {**entries, "note": note})
 
 
 def read_motion(path: str | Path, photo_names: list[str]) -> tuple[str, Floats]:
@@ -179,40 +179,40 @@ def read_sweep(
     [[[0.0, 0.0, 1.0, -3.0]], [[0.0, 0.0, 1.0, -4.0]]]
     """
     path = Path(path)
-    told = _from_csv(path) if path.suffix.lower() == ".csv" else _told(path)
-    if camera is not None and "camera" in told:
-        check_camera(path, camera_from_json(path, told["camera"]), camera)
+    entries = _from_csv(path) if path.suffix.lower() == ".csv" else _told(path)
+    if camera is not None and "camera" in entries:
+        check_camera(path, camera_from_json(path, entries["camera"]), camera)
     if motion is not None:
-        if "lasers" not in told:
+        if "lasers" not in entries:
             raise InputError(f"{path} has no “lasers” that could move; `planish calibrate laser` finds them")
         name, values = read_motion(motion, photo_names)
-        told = {**told, name: values.tolist()}
-    if "background" in told:
-        return _background(path, told["background"])
-    if "planes" in told:
-        planes = told["planes"]
+        entries = {**entries, name: values.tolist()}
+    if "background" in entries:
+        return _background(path, entries["background"])
+    if "planes" in entries:
+        planes = entries["planes"]
         if isinstance(planes, list) and planes and np.ndim(planes[0]) == 1:
             planes = [[plane] for plane in planes]
         found = _planes(path, "planes", planes, 3)
-    elif "lasers" in told:
-        found = _moved(path, told, _planes(path, "lasers", told["lasers"], 2))
+    elif "lasers" in entries:
+        found = _moved(path, entries, _planes(path, "lasers", entries["lasers"], 2))
     else:
         raise InputError(f"{path} says nothing of the laser: “planes”, “lasers” or “background” is wanted")
-    return _in_order(path, found, told.get("photos"), photo_names)
+    return _in_order(path, found, entries.get("photos"), photo_names)
 
 
 def _told(path: Path) -> dict[str, Any]:
     data = read_bytes(path)
     try:
-        told = json.loads(data)
+        entries = json.loads(data)
     except (ValueError, RecursionError) as problem:
         raise InputError(f"{path} is no JSON file: {problem}") from None
-    if not isinstance(told, dict):
+    if not isinstance(entries, dict):
         raise InputError(f"{path} holds no lasers: a JSON object with their planes is wanted")
-    unknown = sorted(told.keys() - _KEYS)
+    unknown = sorted(entries.keys() - _KEYS)
     if unknown:
         raise InputError(f"{path} has “{unknown[0]}”, which is not known; known are {', '.join(sorted(_KEYS))}")
-    return told
+    return entries
 
 
 def _from_csv(path: Path) -> dict[str, Any]:
@@ -258,27 +258,27 @@ def _vector(path: Path, name: str, value: object) -> Floats:
     return vector
 
 
-def _moved(path: Path, told: dict[str, Any], lasers: Floats) -> Floats:
+def _moved(path: Path, entries: dict[str, Any], lasers: Floats) -> Floats:
     """Fixed planes turned about an axis, or shifted along a direction, for each photo."""
-    if "angles_deg" in told:
-        axis = told.get("axis")
+    if "angles_deg" in entries:
+        axis = entries.get("axis")
         if not isinstance(axis, dict) or not {"point", "direction"} <= axis.keys():
             raise InputError(f"{path} has “angles_deg” but no “axis” with “point” and “direction”")
         point, direction = (_vector(path, name, axis[name]) for name in ("point", "direction"))
         if not np.linalg.norm(direction) > 0:
             raise InputError(f"{path}: the axis's “direction” is 0")
-        angles = np.radians(_numbers(path, "angles_deg", told["angles_deg"], 1))
+        angles = np.radians(_numbers(path, "angles_deg", entries["angles_deg"], 1))
         turns = Rotation.from_rotvec(np.outer(angles, normalize(direction))).as_matrix()
         normals = np.einsum("fij,lj->fli", turns, lasers[:, :3])
         # points on the axis keep their distance from the plane
         return np.concatenate([normals, (lasers[:, :3] @ point + lasers[:, 3] - normals @ point)[..., None]], axis=2)
-    if "positions_mm" in told:
-        if "direction" not in told:
+    if "positions_mm" in entries:
+        if "direction" not in entries:
             raise InputError(f"{path} has no “direction” [x, y, z] in which the laser moves by “positions_mm”")
-        direction = _vector(path, "direction", told["direction"])
+        direction = _vector(path, "direction", entries["direction"])
         if not np.linalg.norm(direction) > 0:
             raise InputError(f"{path}: “direction” is 0")
-        way = np.outer(_numbers(path, "positions_mm", told["positions_mm"], 1), normalize(direction))
+        way = np.outer(_numbers(path, "positions_mm", entries["positions_mm"], 1), normalize(direction))
         planes = np.repeat(lasers[None], len(way), axis=0)
         planes[..., 3] -= way @ lasers[:, :3].T
         return planes

@@ -112,13 +112,13 @@ def creation_date() -> datetime | None:
     UsageError
         Where that variable holds no such number.
     """
-    told = os.environ.get("SOURCE_DATE_EPOCH")
-    if not told:
+    epoch = os.environ.get("SOURCE_DATE_EPOCH")
+    if not epoch:
         return None
     try:
-        return datetime.fromtimestamp(int(told), UTC)
+        return datetime.fromtimestamp(int(epoch), UTC)
     except (ValueError, OverflowError, OSError):
-        raise UsageError(f"SOURCE_DATE_EPOCH is {told!r}; whole seconds since 1970 are wanted") from None
+        raise UsageError(f"SOURCE_DATE_EPOCH is {epoch!r}; whole seconds since 1970 are wanted") from None
 
 
 def xmp_packet(dpi: float | None = None, origin: Origin | None = None, *, pdfa: bool = False) -> bytes:

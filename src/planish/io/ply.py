@@ -79,13 +79,13 @@ def read_ply(path: Path, data: bytes, inside: Path | None = None) -> FileMesh:
     """
     tables, comments = ply_tables(path, data, {"vertex", "face"})
     points = ply_points(path, tables.get("vertex", {}))
-    polygons, image_of_face, told = _polygons(path, tables)
+    polygons, image_of_face, notes = _polygons(path, tables)
     check_faces(path, points, polygons)
     names = [_texture_file(line) for line in comments if line.lower().startswith("texturefile ")]
     images = _images(path, polygons, names, image_of_face, inside)
     polygons = without_whole_shifts(polygons, images.of_face >= 0)
     colours = ply_colours(tables.get("vertex", {}))
-    warnings = [*told, *images.warnings]
+    warnings = [*notes, *images.warnings]
     return FileMesh(points, polygons, images, colours, unit_named_in("\n".join(comments)), warnings=warnings)
 
 
@@ -243,11 +243,11 @@ def _polygons(path: Path, tables: dict[str, dict[str, Column]]) -> tuple[Polygon
     image = np.zeros(len(real), np.int32)
     if "texnumber" in face and face["texnumber"].counts is None:
         image = _as_index(face["texnumber"].values)
-    uv, uv_corners, told = _face_texture(path, face, corners.counts, real)
+    uv, uv_corners, notes = _face_texture(path, face, corners.counts, real)
     if uv is None:
         uv = _point_texture(tables["vertex"]) if "vertex" in tables else None
         uv_corners = index if uv is not None else None
-    return Polygons(sizes, index, uv, uv_corners), image[real], told
+    return Polygons(sizes, index, uv, uv_corners), image[real], notes
 
 
 def _as_index(values: NDArray) -> Ints:

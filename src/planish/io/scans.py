@@ -97,8 +97,8 @@ def _read_scan(path: Path, photo: Files, camera: Files, units: str, inside: Path
     cameras = matched(photos, listed(camera))
     main, seen_by = (photos[0] if photos else None), cameras[0]
     found = read_mesh(path, inside)
-    unit, told = decide_unit(_used(found), units, found.unit)
-    warnings = [*found.warnings, *told]
+    unit, extra = decide_unit(_used(found), units, found.unit)
+    warnings = [*found.warnings, *extra]
     scale = mm_per_unit(unit)
     points = found.points * scale
     triangles = triangulate(points, found.polygons)
@@ -183,8 +183,8 @@ def _shown(
                 f"{path} has {len(images.shown)} images; {source!s} stands for {images.names[number]}, and {blank}"
             )
             warnings.append(Diagnostic("several-images", f"{sentence} faces on others stay blank"))
-        photo_xy, told = places_on_photo(path, polygons, triangles, len(found.points), picture.pixels.shape[:2])
-        warnings += told
+        photo_xy, extra = places_on_photo(path, polygons, triangles, len(found.points), picture.pixels.shape[:2])
+        warnings += extra
     if photo_xy is None and seen_from is None:
         raise InputError(
             f"{path} has no texture coordinates, so nothing tells where its points lie on the photo",

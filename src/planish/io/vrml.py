@@ -246,8 +246,8 @@ def _part(
     uv = uv_corners = None
     if texture is not None:
         uv = _numbers(path, texture, "point", 2)
-        told = _numbers(path, geometry, "texCoordIndex").ravel().astype(np.int64)
-        uv_corners = _polygons(told)[1] if len(told) else corners
+        index = _numbers(path, geometry, "texCoordIndex").ravel().astype(np.int64)
+        uv_corners = _polygons(index)[1] if len(index) else corners
         if len(uv_corners) != len(corners):
             raise InputError(f"{path} has {len(uv_corners)} texture coordinates for {len(corners)} corners")
     name, image = "", None

@@ -295,8 +295,8 @@ def _image_dae(by_id: dict[str | None, Element], material: Element) -> str:
             name = found.text.strip()
         image = by_id.get(name)
         if image is not None:
-            told = next(
+            file_name = next(
                 (e.text for e in image.iter() if e.tag in ("init_from", "ref") and e.text and e.text.strip()), ""
             )
-            return unquote(told.strip().removeprefix("file:///").removeprefix("file://")) if told else ""
+            return unquote(file_name.strip().removeprefix("file:///").removeprefix("file://")) if file_name else ""
     return ""
