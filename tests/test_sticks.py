@@ -7,7 +7,7 @@ from planish.geometry.distances import distances
 from planish.mesh import topology
 from planish.parallel import thread_pool
 from planish.sticks import bending_pairs, make_sticks, unfolded_distance
-from planish.surface.flipped_faces import turned_over
+from planish.surface.flipped_faces import flipped_by_noise
 from planish.types import Mesh
 from shapes import arch, grid
 
@@ -130,6 +130,6 @@ def test_faces_that_noise_turned_over_are_told_by_the_normals_of_all_three_corne
     xy, faces, turned = moved_within_the_plane()
     normals = np.tile(np.float32([0, 0, 1]), (len(xy), 1))
     with thread_pool() as parallel_for:
-        np.testing.assert_array_equal(turned_over(upright(xy), faces, normals, parallel_for), turned)
+        np.testing.assert_array_equal(flipped_by_noise(upright(xy), faces, normals, parallel_for), turned)
         normals[faces[turned][0, 1]] = [0, 0, -1]
-        assert not turned_over(upright(xy), faces, normals, parallel_for)[turned][0]
+        assert not flipped_by_noise(upright(xy), faces, normals, parallel_for)[turned][0]

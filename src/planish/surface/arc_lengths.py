@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from planish.geometry.vectors import cross, dot, minus, plus, row, square, unit
 from planish.parallel import ParallelFor
-from planish.surface.curvature import CURVATURE, Bends
+from planish.surface.curvature import CURVATURE, ShapeOperators
 from planish.types import Floats, Ints
 
 GAUSS = (1 - 1 / math.sqrt(3)) / 2
@@ -21,7 +21,7 @@ BEND, POLYGON = math.radians(20), math.radians(30)
 
 
 def lengths_over(
-    points: Floats, normals: NDArray[np.float32], bends: Bends, edges: Ints, parallel_for: ParallelFor
+    points: Floats, normals: NDArray[np.float32], bends: ShapeOperators, edges: Ints, parallel_for: ParallelFor
 ) -> Floats:
     """(e,) lengths of edges whose ends lie on two planes that meet between them, once these are unfolded into one.
 

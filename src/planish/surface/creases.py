@@ -13,8 +13,8 @@ from numba import njit
 
 from planish.geometry.vectors import dot, minus, row, square
 from planish.parallel import ParallelFor
-from planish.surface.curvature import CURVATURE, Bends, turned
-from planish.surface.normals import AREA, NOISE, PLACE, SAMPLE, Ring, Rows
+from planish.surface.curvature import CURVATURE, ShapeOperators, rotate_along_bend
+from planish.surface.normals import AREA, NOISE, PLACE, SAMPLE, OneRing, VertexRecords
 from planish.types import Floats, Ints
 
 PLACE_IN_RING = 0.6
@@ -38,11 +38,11 @@ NEAR, LONGEST = 48, 64
 """Room for two rings, which hold 18 points on a regular mesh, and for one; what is beyond is left out."""
 
 
-def find_sides(
+def assign_crease_sides(
     points: Floats,
-    rows: Rows,
-    bends: Bends,
-    ring: Ring,
+    rows: VertexRecords,
+    bends: ShapeOperators,
+    ring: OneRing,
     rings: int,
     noise: float,
     spacing: float,
@@ -71,12 +71,14 @@ def find_sides(
     return source
 
 
-def to_sides(rows: Rows, source: Ints, out: Rows, parallel_for: ParallelFor) -> None:
+def take_side_normals(rows: VertexRecords, source: Ints, out: VertexRecords, parallel_for: ParallelFor) -> None:
     """Write down the planes that the points lie on, with the points' own areas and noise."""
     parallel_for(_to_sides, len(rows), rows, source, out)
 
 
-def carry(points: Floats, rows: Rows, bends: Bends, source: Ints, parallel_for: ParallelFor) -> Rows:
+def normals_at_points(
+    points: Floats, rows: VertexRecords, bends: ShapeOperators, source: Ints, parallel_for: ParallelFor
+) -> VertexRecords:
     """(n, 3) normals at the points, from the planes they lie on, followed along their bend."""
     out = np.empty((len(rows), 3), np.float32)
     parallel_for(_carry, len(rows), points, rows, bends, source, out)
@@ -203,6 +205,8 @@ def _to_sides(first, last, rows, source, out):  # type: ignore[no-untyped-def]
 def _carry(first, last, points, rows, bends, source, out):  # type: ignore[no-untyped-def]
     for i in range(first, last):
         j = source[i]
-        normal = turned(row(rows, j), row(bends, j), bends[j, CURVATURE], minus(row(points, i), row(rows, j, PLACE)))
+        normal = rotate_along_bend(
+            row(rows, j), row(bends, j), bends[j, CURVATURE], minus(row(points, i), row(rows, j, PLACE))
+        )
         for k in range(3):
             out[i, k] = normal[k]

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from planish.geometry.vectors import dot, minus, plus, row, tangents, times, unit
 from planish.parallel import ParallelFor
-from planish.surface.normals import AREA, NOISE, PLACE, Ring, Rows, closeness
+from planish.surface.normals import AREA, NOISE, PLACE, OneRing, VertexRecords, closeness
 
-Bends = NDArray[np.float32]
+ShapeOperators = NDArray[np.float32]
 """(n, 4): unit vector a of the direction in which the sheet is bent most, and its curvature there [1/mm].
 
 A step d along the surface turns the normal by dN = curvature (a . d) a; the ruling runs across a.
@@ -21,7 +21,9 @@ A step d along the surface turns the normal by dN = curvature (a . d) a; the rul
 CURVATURE = 3
 
 
-def find_bends(rows: Rows, ring: Ring, reach: float, rounds: int, parallel_for: ParallelFor) -> Bends:
+def shape_operators(
+    rows: VertexRecords, ring: OneRing, reach: float, rounds: int, parallel_for: ParallelFor
+) -> ShapeOperators:
     """Fit the shape operator to every ring, smooth it within the creases, and keep its greater curvature.
 
     Parameters
@@ -43,7 +45,7 @@ def find_bends(rows: Rows, ring: Ring, reach: float, rounds: int, parallel_for: 
 
 
 @njit(cache=True, nogil=True)
-def turned(normal, bend, curvature, step):  # type: ignore[no-untyped-def]
+def rotate_along_bend(normal, bend, curvature, step):  # type: ignore[no-untyped-def]
     """Normal of a bent surface a step away."""
     return unit(plus(normal, curvature * dot(bend, step), bend))
 

@@ -11,7 +11,7 @@ from planish.parallel import ParallelFor
 from planish.types import Bools, Floats, Ints
 
 
-def turned_over(points: Floats, faces: Ints, normals: NDArray[np.float32], parallel_for: ParallelFor) -> Bools:
+def flipped_by_noise(points: Floats, faces: Ints, normals: NDArray[np.float32], parallel_for: ParallelFor) -> Bools:
     """(m,) whether each face shows its back to the side that the surface faces at all three of its corners.
 
     Noise along the sheet carries corners of slender faces across the opposite side: with 0.05 mm in all directions and

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from planish.geometry.vectors import dot, minus, row, tangents
 from planish.parallel import ParallelFor
 from planish.surface.noise_scale import UNKNOWNS, solve_symmetric
-from planish.surface.normals import AREA, Ring, Rows
+from planish.surface.normals import AREA, OneRing, VertexRecords
 from planish.types import Floats
 
 ROOM = 600
@@ -35,7 +35,7 @@ STIFF = 0.02
 """Of a fit against bending, in parts of its weight: at the border, where a quadric has points on one side only."""
 
 
-def average_normals(rows: Rows, ring: Ring) -> NDArray[np.float32]:
+def average_normals(rows: VertexRecords, ring: OneRing) -> NDArray[np.float32]:
     """(n, 3) unit normals from area vectors averaged over NORMAL_ROUNDS rings: linear, so noise cancels."""
     vectors = rows[:, :3] * rows[:, AREA : AREA + 1]
     count = np.diff(ring.start).astype(np.float32)[:, None] + 1
@@ -52,7 +52,7 @@ def onto_quadrics(
     points: Floats,
     normals: NDArray[np.float32],
     directions: Floats,
-    ring: Ring,
+    ring: OneRing,
     radius: float,
     parallel_for: ParallelFor,
     same_side: float,

@@ -12,8 +12,8 @@ from planish.geometry.vectors import dot, minus, row
 from planish.mesh import Topology, bounds
 from planish.parallel import ParallelFor
 from planish.surface.creases import height_over
-from planish.surface.curvature import CURVATURE, Bends
-from planish.surface.normals import SAMPLE, Ring, Rows
+from planish.surface.curvature import CURVATURE, ShapeOperators
+from planish.surface.normals import SAMPLE, OneRing, VertexRecords
 from planish.types import Floats, Ints
 
 FROM_MEDIAN, FROM_MEAN = 1.4826, 1.2533
@@ -47,7 +47,7 @@ def angle_defects(rest: Floats, faces: Ints, topology: Topology, point_count: in
 
 
 def ring_noise(
-    points: Floats, rows: Rows, ring: Ring, parallel_for: ParallelFor, fewest: int = 5
+    points: Floats, rows: VertexRecords, ring: OneRing, parallel_for: ParallelFor, fewest: int = 5
 ) -> NDArray[np.float32]:
     """(n,) size [mm] of the noise of every point, if it is white: how far it stands out of its ring.
 
@@ -62,7 +62,12 @@ def ring_noise(
 
 
 def surface_noise(
-    points: Floats, rows: Rows, bends: Bends, patch: float, parallel_for: ParallelFor, source: Ints | None = None
+    points: Floats,
+    rows: VertexRecords,
+    bends: ShapeOperators,
+    patch: float,
+    parallel_for: ParallelFor,
+    source: Ints | None = None,
 ) -> NDArray[np.float32]:
     """(n,) signed height [mm] of every point over its bent plane: noise that is alike over some pixels shows here too.
 
@@ -80,7 +85,7 @@ def surface_noise(
     return off
 
 
-def typical(off: NDArray[np.float32]) -> float:
+def robust_sigma(off: NDArray[np.float32]) -> float:
     """Standard deviation of noise, from the median of its sizes over a sample."""
     some = off[:: max(1, len(off) // SAMPLE)]
     some = some[np.isfinite(some)]
@@ -100,7 +105,7 @@ def noise_length(off: NDArray[np.float32], edges: Ints, spacing: float) -> float
     return spacing * math.sqrt(math.log(2) / -math.log(alike))
 
 
-def around(
+def local_sigma(
     points: Floats, values: NDArray[np.floating], spacing: float, parallel_for: ParallelFor, least: float = 0.0
 ) -> Floats:
     """(n,) mean of the finite values in cells of CELL edges and those next to them, of every point's cell.
@@ -113,7 +118,7 @@ def around(
     >>> x = np.arange(1000.0)
     >>> values = np.where(x < 504, 1.0, 3.0)
     >>> with thread_pool() as parallel_for:
-    ...     around(np.c_[x, 0 * x, 0 * x], values, 1.0, parallel_for)[[0, 498, 999]].round(2)
+    ...     local_sigma(np.c_[x, 0 * x, 0 * x], values, 1.0, parallel_for)[[0, 498, 999]].round(2)
     array([1.  , 1.67, 3.  ])
     """
     if not len(points):

@@ -9,10 +9,10 @@ import numpy as np
 
 from planish.parallel import ParallelFor
 from planish.surface.local_quadrics import SAME_SIDE, SAME_SIDE_OF_STEEP
-from planish.surface.noise import FROM_MEAN, FROM_MEDIAN, around
+from planish.surface.noise import FROM_MEAN, FROM_MEDIAN, local_sigma
 from planish.surface.noise_scale import noise_scale
-from planish.surface.normals import NOISE, typical_step
-from planish.surface.smooth_surface import Scan
+from planish.surface.normals import NOISE, median_edge
+from planish.surface.smooth_surface import MeasuredScan
 from planish.types import Floats
 
 BUCKLED = 0.003
@@ -88,9 +88,9 @@ class Plan(NamedTuple):
 CLEAN = Plan(0, 0.0, CLEAN_SLACK)
 
 
-def plan_smoothing(scan: Scan, buckling: float, parallel_for: ParallelFor) -> Plan:
+def plan_smoothing(scan: MeasuredScan, buckling: float, parallel_for: ParallelFor) -> Plan:
     """Tell white noise, shared noise and none, and note in the scan's rows where there is more and less of it."""
-    step = typical_step(scan.rows, scan.edges)
+    step = median_edge(scan.rows, scan.edges)
     scale = noise_scale(scan.points, scan.rows, scan.ring, BUCKLED * scan.spacing, parallel_for)
     noisy = _is_noisy(buckling, step)
     if scale.alike > SHARED and (not noisy or scale.alike > SHARED_WIDELY or scale.height > STRONG * scan.spacing):
@@ -98,13 +98,13 @@ def plan_smoothing(scan: Scan, buckling: float, parallel_for: ParallelFor) -> Pl
     if not scale.height and not noisy:
         return CLEAN
     least = scale.height / FROM_MEDIAN
-    noise = FROM_MEAN * around(scan.points, scan.ring_noise, scan.spacing, parallel_for, least)
+    noise = FROM_MEAN * local_sigma(scan.points, scan.ring_noise, scan.spacing, parallel_for, least)
     scan.rows[:, NOISE] = np.maximum((noise / max(float(np.median(noise)), 1e-300)) ** 2, LEAST_NOISE)
     rounds = int(np.clip(ROUNDS_PER_NOISE * np.quantile(noise, NOISIEST) / scan.spacing, FEWEST, MOST))
     return Plan(rounds, 0.0, NOISY_SLACK, move=scale.height > ROUGH * scan.spacing)
 
 
-def plan_for_shared(scan: Scan, parallel_for: ParallelFor, *, strong: bool = False) -> Plan:
+def plan_for_shared(scan: MeasuredScan, parallel_for: ParallelFor, *, strong: bool = False) -> Plan:
     """Noise that neighbours share makes their normals differ less than it should; so reach does not follow them."""
     a, b = scan.edges[:, 0], scan.edges[:, 1]
     step = scan.rows[a, :3] - scan.rows[b, :3]
@@ -113,7 +113,7 @@ def plan_for_shared(scan: Scan, parallel_for: ParallelFor, *, strong: bool = Fal
     sums = np.bincount(a, size, count) + np.bincount(b, size, count)
     mean: Floats = sums / np.maximum(np.diff(scan.ring.start), 1)
     typical_size = float(np.median(mean))
-    local = around(scan.points, mean, scan.spacing, parallel_for)
+    local = local_sigma(scan.points, mean, scan.spacing, parallel_for)
     scan.rows[:, NOISE] = np.clip((local / max(typical_size, 1e-9)) ** 2, LEAST_NOISE, 1 / LEAST_NOISE)
     reach = min(SHARED_REACH * typical_size, SHARED_REACH_AT_MOST) ** 2
     same_side = SAME_SIDE_OF_STEEP if typical_size > STEEP else SAME_SIDE if strong else 0.0

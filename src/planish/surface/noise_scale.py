@@ -10,7 +10,7 @@ from numba import njit
 
 from planish.geometry.vectors import dot, minus, plus, row, tangents, unit
 from planish.parallel import ParallelFor
-from planish.surface.normals import AREA, Ring, Rows
+from planish.surface.normals import AREA, OneRing, VertexRecords
 from planish.types import Floats
 
 RADII = (2, 4, 8, 16)
@@ -47,7 +47,9 @@ class NoiseScale(NamedTuple):
     alike: float
 
 
-def noise_scale(points: Floats, rows: Rows, ring: Ring, least: float, parallel_for: ParallelFor) -> NoiseScale:
+def noise_scale(
+    points: Floats, rows: VertexRecords, ring: OneRing, least: float, parallel_for: ParallelFor
+) -> NoiseScale:
     """Tell noise from bends: over `least` [mm], and no more of it in patches of twice the radius."""
     off, alike = patch_noise(points, rows, ring, parallel_for, RADII[:-1])
     for k in range(len(RADII) - 1):
@@ -68,7 +70,7 @@ def noise_scale(points: Floats, rows: Rows, ring: Ring, least: float, parallel_f
 
 
 def patch_noise(
-    points: Floats, rows: Rows, ring: Ring, parallel_for: ParallelFor, radii: tuple[int, ...] = RADII
+    points: Floats, rows: VertexRecords, ring: OneRing, parallel_for: ParallelFor, radii: tuple[int, ...] = RADII
 ) -> tuple[Floats, Floats]:
     """Standard deviation [mm] of points from quadrics over patches of every radius, and how alike neighbours are.
 

@@ -13,7 +13,7 @@ from planish.geometry.vectors import cross, minus, plus, row, square, times
 from planish.parallel import ParallelFor
 from planish.types import Floats, Ints
 
-Rows = NDArray[np.float32]
+VertexRecords = NDArray[np.float32]
 """(n, 8): unit normal, area of the point's faces, the place the normal belongs to [mm], local noise.
 
 32 bytes, so that one cache line brings two points. The place is the point itself at first; it is averaged with the
@@ -26,19 +26,19 @@ SAMPLE = 5_000
 """Edges or points that a median is taken over: its error is then about 1 %."""
 
 
-class Ring(NamedTuple):
+class OneRing(NamedTuple):
     """Neighbours of every point, as compressed rows (see `planish.mesh.neighbours`)."""
 
     start: Ints
     neighbour: Ints
 
 
-def surface_rows(points: Floats, faces: Ints) -> Rows:
+def vertex_records(points: Floats, faces: Ints) -> VertexRecords:
     """Area-weighted normals at the points themselves."""
     return np.asarray(_surface_rows(points, faces))
 
 
-def typical_step(rows: Rows, edges: Ints) -> float:
+def median_edge(rows: VertexRecords, edges: Ints) -> float:
     """Median |N_i - N_j|^2 over a sample of the edges, as it would be everywhere if noise were the same."""
     some = edges[:: max(1, len(edges) // SAMPLE)]
     here, there = rows[some[:, 0]], rows[some[:, 1]]
@@ -46,7 +46,7 @@ def typical_step(rows: Rows, edges: Ints) -> float:
     return float(np.median(np.einsum("ij,ij->i", step, step) / here[:, NOISE])) if len(some) else 0.0
 
 
-def diffuse(rows: Rows, ring: Ring, reach: float, out: Rows, parallel_for: ParallelFor) -> None:
+def diffuse(rows: VertexRecords, ring: OneRing, reach: float, out: VertexRecords, parallel_for: ParallelFor) -> None:
     """One round of smoothing; neighbours whose normals differ by more than noise makes them are left out.
 
     N_i <- unit(A_i N_i + sum over the ring of w_ij N_j),  w_ij = A_j (1 - |N_i - N_j|^2 / (reach s_i^2))_+^2

@@ -9,7 +9,7 @@ from numba import njit
 
 from planish.geometry.vectors import dot, minus, plus, row, square, tangents, unit
 from planish.parallel import ParallelFor
-from planish.surface.normals import Ring, Rows
+from planish.surface.normals import OneRing, VertexRecords
 from planish.types import Floats, Ints
 
 RINGS, MOST, LEAST = 4, 96, 12
@@ -31,8 +31,14 @@ UNKNOWNS = 6
 
 
 def refit(
-    points: Floats, normals: Rows, ring: Ring, at: Ints, noise: float, spacing: float, parallel_for: ParallelFor
-) -> Rows:
+    points: Floats,
+    normals: VertexRecords,
+    ring: OneRing,
+    at: Ints,
+    noise: float,
+    spacing: float,
+    parallel_for: ParallelFor,
+) -> VertexRecords:
     """Fit the normals at some of the points anew, and leave the others.
 
     Parameters
@@ -47,7 +53,7 @@ def refit(
     return out
 
 
-def points_at_folds(normals: Rows, ring: Ring, parallel_for: ParallelFor) -> Ints:
+def points_at_folds(normals: VertexRecords, ring: OneRing, parallel_for: ParallelFor) -> Ints:
     """Points with a neighbour whose normal stands at more than 20 degrees to theirs."""
     at_fold = np.empty(len(normals), np.bool_)
     parallel_for(_find_folds, len(normals), normals, ring, at_fold)

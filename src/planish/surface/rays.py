@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from planish.geometry.vectors import dot, minus, plus, row, unit
 from planish.parallel import ParallelFor
-from planish.surface.normals import Ring
+from planish.surface.normals import OneRing
 from planish.types import Floats
 
 ROUNDS = 4
@@ -28,8 +28,8 @@ GRAZING = 0.15
 """Rays that meet the surface at less than 8.6 degrees are not followed: the shift would be many times the noise."""
 
 
-def onto_surface(
-    points: Floats, normals: NDArray[np.float32], ring: Ring, eye: Floats, noise: float, parallel_for: ParallelFor
+def move_along_rays(
+    points: Floats, normals: NDArray[np.float32], ring: OneRing, eye: Floats, noise: float, parallel_for: ParallelFor
 ) -> Floats:
     """Move every point along its ray to where the normals around it want the surface to be.
 

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from planish.geometry.vectors import cross, dot, minus, plus, row, square, times
 from planish.parallel import ParallelFor
-from planish.surface.curvature import Bends
-from planish.surface.normals import AREA, NOISE, PLACE, SAMPLE, Ring, Rows, closeness, store
+from planish.surface.curvature import ShapeOperators
+from planish.surface.normals import AREA, NOISE, PLACE, SAMPLE, OneRing, VertexRecords, closeness, store
 
 Mates = NDArray[np.int32]
 """(n, 2) points some edges away from every point, one either way along its ruling; itself where there is none."""
@@ -25,7 +25,9 @@ FAR, QUARTER = np.float32(np.inf), np.float32(0.25)
 """In single precision, as the rows are: kernels are a third slower if one double creeps in."""
 
 
-def average_along(rows: Rows, bends: Bends, ring: Ring, out: Rows, parallel_for: ParallelFor) -> tuple[Rows, Rows]:
+def average_along(
+    rows: VertexRecords, bends: ShapeOperators, ring: OneRing, out: VertexRecords, parallel_for: ParallelFor
+) -> tuple[VertexRecords, VertexRecords]:
     """Average every normal with those of its mates, in rounds of twice the reach each.
 
     N_i <- unit(2 A_i N_i + sum over the two mates of w_ij N_j), w as in `diffuse`
@@ -47,7 +49,7 @@ def average_along(rows: Rows, bends: Bends, ring: Ring, out: Rows, parallel_for:
     return rows, out
 
 
-def _typical_step(rows: Rows, mates: Mates) -> float:
+def _typical_step(rows: VertexRecords, mates: Mates) -> float:
     some = np.arange(0, len(mates), max(1, len(mates) // SAMPLE))
     some = some[mates[some, 0] != some]
     step = rows[some, :3] - rows[mates[some, 0], :3]

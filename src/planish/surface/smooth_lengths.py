@@ -14,13 +14,13 @@ from planish.geometry.grid_rows import viewpoint_of_rows
 from planish.mesh import Topology
 from planish.parallel import ParallelFor, thread_pool
 from planish.surface.arc_lengths import lengths_over
-from planish.surface.flipped_faces import turned_over
+from planish.surface.flipped_faces import flipped_by_noise
 from planish.surface.local_quadrics import SAME_SIDE_OF_STEEP, average_normals, onto_quadrics
-from planish.surface.noise import FROM_MEAN, FROM_MEDIAN, angle_defects, around, noise_length, typical
+from planish.surface.noise import FROM_MEAN, FROM_MEDIAN, angle_defects, local_sigma, noise_length, robust_sigma
 from planish.surface.noise_plan import CLEAN, plan_for_shared, plan_smoothing
-from planish.surface.normals import surface_rows
-from planish.surface.rays import GRAZING, onto_surface
-from planish.surface.smooth_surface import Scan, Surface, find_surface, look_at
+from planish.surface.normals import vertex_records
+from planish.surface.rays import GRAZING, move_along_rays
+from planish.surface.smooth_surface import MeasuredScan, Surface, find_surface, measure_scan
 from planish.surface.spikes import find_spikes
 from planish.types import Bools, Floats, Ints, Mesh
 
@@ -63,7 +63,7 @@ class SmoothLengths:
         Its median.
     smoothing : Smoothing
     turned : (m,) bool or None
-        Faces that noise turned over (see `turned_over`); None where there is no noise.
+        Faces that noise turned over (see `flipped_by_noise`); None where there is no noise.
     noise_length_mm : float or None
         Distance over which the noise of two points is alike (their correlation is a half); None where there is none.
     spikes : int
@@ -127,13 +127,13 @@ def smooth_lengths(points: Floats, faces: Ints, topology: Topology, *, eye: Floa
     """
     with thread_pool() as parallel_for:
         raw = distances(points, topology.edges)
-        scan = look_at(points, faces, topology, raw, parallel_for)
+        scan = measure_scan(points, faces, topology, raw, parallel_for)
         spikes, feet, axes = find_spikes(scan.points, scan.rows, scan.ring, scan.spacing, parallel_for)
         if len(spikes):
             eye = viewpoint_of_rows(points, topology.edges) if eye is None else eye
             points = _without_spikes(points, spikes, feet + scan.middle, axes, eye)
             raw = distances(points, topology.edges)
-            scan = look_at(points, faces, topology, raw, parallel_for)
+            scan = measure_scan(points, faces, topology, raw, parallel_for)
         raw_defects = angle_defects(raw, faces, topology, len(points), parallel_for)
         buckling = math.sqrt(float(np.quantile(raw_defects, 0.25))) if len(raw_defects) else 0.0
         plan = plan_smoothing(scan, buckling, parallel_for)
@@ -161,9 +161,9 @@ def smooth_lengths(points: Floats, faces: Ints, topology: Topology, *, eye: Floa
         off = surface.off
         if scan.points is not original:
             off = off + np.einsum("ij,ij->i", original - scan.points, surface.normals).astype(np.float32)
-        noise = FROM_MEAN * around(scan.points, np.abs(off), scan.spacing, parallel_for)
+        noise = FROM_MEAN * local_sigma(scan.points, np.abs(off), scan.spacing, parallel_for)
         length = noise_length(off, topology.edges, scan.spacing)
-        turned = turned_over(moved if tried.move else scan.points, faces, surface.normals, parallel_for)
+        turned = flipped_by_noise(moved if tried.move else scan.points, faces, surface.normals, parallel_for)
     return SmoothLengths(
         rest, surface.normals, noise, float(np.median(noise)), Smoothing.SMOOTHED, turned, left, length, len(spikes)
     )
@@ -175,8 +175,8 @@ def smooth_normals(mesh: Mesh, topology: Topology) -> NDArray[np.float32]:
 
 
 def _presmoothed(
-    scan: Scan, faces: Ints, topology: Topology, eye: Floats | None, same_side: float, parallel_for: ParallelFor
-) -> Scan:
+    scan: MeasuredScan, faces: Ints, topology: Topology, eye: Floats | None, same_side: float, parallel_for: ParallelFor
+) -> MeasuredScan:
     """Scan whose points lie on local quadrics, of the least radius from which on the edges do not get shorter."""
     normals = average_normals(scan.rows, scan.ring)
     directions = normals.astype(np.float64) if eye is None else _rays(scan, eye)
@@ -186,7 +186,7 @@ def _presmoothed(
     rough = onto_quadrics(
         scan.points, normals, directions, scan.ring, RADII_OF_QUADRICS[0] * spacing, parallel_for, SAME_SIDE_OF_STEEP
     )
-    normals = average_normals(surface_rows(rough, faces), scan.ring)
+    normals = average_normals(vertex_records(rough, faces), scan.ring)
     total = math.inf
     for radius in RADII_OF_QUADRICS:
         moved = onto_quadrics(scan.points, normals, directions, scan.ring, radius * spacing, parallel_for, same_side)
@@ -194,10 +194,10 @@ def _presmoothed(
         if total < (1 + SIZE_SETTLED) * lengths.sum():
             break
         total = float(lengths.sum())
-    return look_at(moved + scan.middle, faces, topology, lengths, parallel_for)
+    return measure_scan(moved + scan.middle, faces, topology, lengths, parallel_for)
 
 
-def _rays(scan: Scan, eye: Floats) -> Floats:
+def _rays(scan: MeasuredScan, eye: Floats) -> Floats:
     ray = scan.points - (eye - scan.middle)
     return np.asarray(ray / np.linalg.norm(ray, axis=1, keepdims=True))
 
@@ -216,14 +216,14 @@ def _without_spikes(points: Floats, spikes: Ints, feet: Floats, axes: Floats, ey
 
 
 def _without_noise(
-    rest: Floats, surface: Surface, scan: Scan, buckling: float, smoothing: Smoothing, spikes: int
+    rest: Floats, surface: Surface, scan: MeasuredScan, buckling: float, smoothing: Smoothing, spikes: int
 ) -> SmoothLengths:
     """Noise is at most what both rings and angles show: folds stand out of rings, but do not buckle."""
-    noise = min(typical(scan.ring_noise), buckling * scan.spacing)
+    noise = min(robust_sigma(scan.ring_noise), buckling * scan.spacing)
     return SmoothLengths(rest, surface.normals, np.full(len(scan.points), noise), noise, smoothing, spikes=spikes)
 
 
-def _onto_plane(scan: Scan, surface: Surface, eye: Floats | None) -> tuple[Floats, float]:
+def _onto_plane(scan: MeasuredScan, surface: Surface, eye: Floats | None) -> tuple[Floats, float]:
     """Points moved onto the smooth surface itself, along their rays if these are known."""
     normals = surface.normals.astype(np.float64)
     if eye is None:
@@ -235,13 +235,17 @@ def _onto_plane(scan: Scan, surface: Surface, eye: Floats | None) -> tuple[Float
     return scan.points - shift[:, None] * ray, SHARED_LEFT
 
 
-def _without_its_noise(scan: Scan, surface: Surface, eye: Floats, parallel_for: ParallelFor) -> tuple[Floats, float]:
+def _without_its_noise(
+    scan: MeasuredScan, surface: Surface, eye: Floats, parallel_for: ParallelFor
+) -> tuple[Floats, float]:
     """Points moved along their rays onto the surface, and the part of the noise that this leaves.
 
     What is alike over several points does not show as noise, and stays: noise of variance s^2 that moves points by m,
     rms, leaves s^2 - m^2.
     """
-    noise = typical(surface.off)
-    moved = onto_surface(scan.points, surface.normals, scan.ring, eye - scan.middle, noise / scan.spacing, parallel_for)
+    noise = robust_sigma(surface.off)
+    moved = move_along_rays(
+        scan.points, surface.normals, scan.ring, eye - scan.middle, noise / scan.spacing, parallel_for
+    )
     gone = np.einsum("ij,ij->i", moved - scan.points, surface.normals)
     return moved, math.sqrt(max(1 - float(np.median(gone * gone)) / max(FROM_MEDIAN**-2 * noise**2, 1e-300), 0.0))

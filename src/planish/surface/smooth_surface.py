@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from planish.mesh import Topology, neighbours
 from planish.parallel import ParallelFor
-from planish.surface.creases import carry, find_sides, to_sides
-from planish.surface.curvature import Bends, find_bends
-from planish.surface.noise import ring_noise, surface_noise, typical
-from planish.surface.normals import SAMPLE, Ring, Rows, diffuse, surface_rows, typical_step
+from planish.surface.creases import assign_crease_sides, normals_at_points, take_side_normals
+from planish.surface.curvature import ShapeOperators, shape_operators
+from planish.surface.noise import ring_noise, robust_sigma, surface_noise
+from planish.surface.normals import SAMPLE, OneRing, VertexRecords, diffuse, median_edge, vertex_records
 from planish.surface.quadric import points_at_folds, refit
 from planish.surface.rulings import average_along
 from planish.types import Floats, Ints
@@ -33,7 +33,7 @@ PATCH = 3 / 7
 and six neighbours of equal weights, seen along one axis."""
 
 
-class Scan(NamedTuple):
+class MeasuredScan(NamedTuple):
     """A mesh, and what is made of it once.
 
     Attributes
@@ -54,8 +54,8 @@ class Scan(NamedTuple):
     points: Floats
     middle: Floats
     edges: Ints
-    ring: Ring
-    rows: Rows
+    ring: OneRing
+    rows: VertexRecords
     spacing: float
     mean_square: float
     ring_noise: NDArray[np.float32]
@@ -73,45 +73,52 @@ class Surface(NamedTuple):
     """
 
     normals: NDArray[np.float32]
-    bends: Bends
+    bends: ShapeOperators
     off: NDArray[np.float32]
 
 
-def look_at(points: Floats, faces: Ints, topology: Topology, raw: Floats, parallel_for: ParallelFor) -> Scan:
+def measure_scan(
+    points: Floats, faces: Ints, topology: Topology, raw: Floats, parallel_for: ParallelFor
+) -> MeasuredScan:
     """Prepare a mesh whose edges are `raw` long."""
     middle = np.array([points[:, k].mean() for k in range(3)]) if len(points) else np.zeros(3)
     centred = points - middle
-    ring = Ring(*neighbours(topology.edges, len(points)))
-    rows = surface_rows(centred, faces)
+    ring = OneRing(*neighbours(topology.edges, len(points)))
+    rows = vertex_records(centred, faces)
     some = raw[:: max(1, len(raw) // SAMPLE)]
     spacing = float(np.median(some)) if len(some) else 0.0
     mean_square = float(raw @ raw) / max(len(raw), 1)
     noise = ring_noise(centred, rows, ring, parallel_for)
-    return Scan(centred, middle, topology.edges, ring, rows, spacing, mean_square, noise)
+    return MeasuredScan(centred, middle, topology.edges, ring, rows, spacing, mean_square, noise)
 
 
-def find_surface(scan: Scan, rounds: int, parallel_for: ParallelFor, least_reach: float = 0.0) -> Surface:
+def find_surface(scan: MeasuredScan, rounds: int, parallel_for: ParallelFor, least_reach: float = 0.0) -> Surface:
     """Smooth the normals of a scan by so many rounds; with none only points on creases are given a side."""
     points, ring, edges = scan.points, scan.ring, scan.edges
     rows, spare = scan.rows.copy(), np.empty_like(scan.rows)
     flat = np.zeros((len(rows), 4), np.float32)
     for k in range(max(rounds, 1)):
         if k == int(MIDWAY * rounds):
-            noise = typical(surface_noise(points, rows, flat, 0.0, parallel_for))
-            to_sides(
-                rows, find_sides(points, rows, flat, ring, 1, noise, scan.spacing, parallel_for), spare, parallel_for
+            noise = robust_sigma(surface_noise(points, rows, flat, 0.0, parallel_for))
+            take_side_normals(
+                rows,
+                assign_crease_sides(points, rows, flat, ring, 1, noise, scan.spacing, parallel_for),
+                spare,
+                parallel_for,
             )
             rows, spare = spare, rows
         if rounds:
-            diffuse(rows, ring, max(REACH * typical_step(rows, edges), least_reach), spare, parallel_for)
+            diffuse(rows, ring, max(REACH * median_edge(rows, edges), least_reach), spare, parallel_for)
             rows, spare = spare, rows
-    bends = find_bends(rows, ring, max(REACH * typical_step(rows, edges), least_reach), BENDS_SMOOTHED, parallel_for)
+    bends = shape_operators(
+        rows, ring, max(REACH * median_edge(rows, edges), least_reach), BENDS_SMOOTHED, parallel_for
+    )
     if rounds:
         rows, spare = average_along(rows, bends, ring, spare, parallel_for)
     patch = rounds * PATCH * scan.mean_square
-    noise = typical(surface_noise(points, rows, bends, patch, parallel_for))
-    source = find_sides(points, rows, bends, ring, 2, noise, scan.spacing, parallel_for)
+    noise = robust_sigma(surface_noise(points, rows, bends, patch, parallel_for))
+    source = assign_crease_sides(points, rows, bends, ring, 2, noise, scan.spacing, parallel_for)
     off = surface_noise(points, rows, bends, patch, parallel_for, source)
-    normals = carry(points, rows, bends, source, parallel_for)
+    normals = normals_at_points(points, rows, bends, source, parallel_for)
     folds = points_at_folds(normals, ring, parallel_for)
     return Surface(refit(points, normals, ring, folds, noise, scan.spacing, parallel_for), bends[source], off)

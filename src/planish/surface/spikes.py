@@ -9,9 +9,9 @@ from numba import njit
 
 from planish.geometry.vectors import dot, minus, plus, row, tangents, times, unit
 from planish.parallel import ParallelFor
-from planish.surface.noise import ring_noise, typical
+from planish.surface.noise import ring_noise, robust_sigma
 from planish.surface.noise_scale import UNKNOWNS, solve_symmetric
-from planish.surface.normals import AREA, Ring, Rows
+from planish.surface.normals import AREA, OneRing, VertexRecords
 from planish.types import Floats, Ints
 
 LOOKED_AT, OUTSTANDING = 0.35, 5.0
@@ -43,8 +43,8 @@ ROUNDS = 4
 
 def find_spikes(
     points: Floats,
-    rows: Rows,
-    ring: Ring,
+    rows: VertexRecords,
+    ring: OneRing,
     spacing: float,
     parallel_for: ParallelFor,
 ) -> tuple[Ints, Floats, Floats]:
@@ -59,7 +59,7 @@ def find_spikes(
         Unit normals there.
     """
     off = ring_noise(points, rows, ring, parallel_for, FEWEST_NEIGHBOURS)
-    limit = max(LOOKED_AT * spacing, OUTSTANDING * typical(off))
+    limit = max(LOOKED_AT * spacing, OUTSTANDING * robust_sigma(off))
     doubtful = np.zeros(len(points), np.bool_)
     parallel_for(_stand_out, len(points), off, ring, limit, doubtful)
     some = np.flatnonzero(doubtful | (np.diff(ring.start) <= FEWEST_NEIGHBOURS)).astype(np.int32)
