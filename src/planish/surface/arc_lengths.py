@@ -36,7 +36,7 @@ def lengths_over(
     ----------
     points : (n, 3) float64 [mm]
     normals : (n, 3) float32
-    bends : Bends
+    bends : ShapeOperators
     edges : (e, 2) int32
     """
     rest = np.empty(len(edges))

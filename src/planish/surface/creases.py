@@ -22,7 +22,7 @@ PLACE_IN_RING = 0.6
 with 0.75 points on clean creases pass for calm (spread 0.1 % too small)."""
 
 ODD, LEAST_SPREAD = 9.0, 0.002
-"""A point is looked at if its spread is over so many times the typical one, and the normals differ by 2.6 degrees:
+"""A point is examined if its spread is over so many times the typical one, and the normals differ by 2.6 degrees:
 8 degrees would pass over half of the creases of a crumpled sheet, 4 or 20 times make no difference."""
 
 CALM = 6.0
@@ -52,7 +52,7 @@ def assign_crease_sides(
 
     Parameters
     ----------
-    bends : Bends
+    bends : ShapeOperators
         How the planes are bent.
     rings : {1, 2}
         How far to look.
@@ -72,7 +72,7 @@ def assign_crease_sides(
 
 
 def take_side_normals(rows: VertexRecords, source: Ints, out: VertexRecords, parallel_for: ParallelFor) -> None:
-    """Write down the planes that the points lie on, with the points' own areas and noise."""
+    """Store the plane of each point's side, with the point's own area and noise."""
     parallel_for(_to_sides, len(rows), rows, source, out)
 
 

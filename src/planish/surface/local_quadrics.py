@@ -66,7 +66,7 @@ def onto_quadrics(
         That tell the sides of folds apart.
     directions : (n, 3) float64
         Unit vectors, along which the noise is: the rays, or the normals.
-    ring : Ring
+    ring : OneRing
     radius : float [mm]
         Standard deviation of the weights.
     same_side : float

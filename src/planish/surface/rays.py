@@ -44,7 +44,7 @@ def move_along_rays(
     points : (n, 3) float64 [mm]
     normals : (n, 3) float32
         Without noise.
-    ring : Ring
+    ring : OneRing
     eye : (3,) float64 [mm]
         Where the rays come from.
     noise : float

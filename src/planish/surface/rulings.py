@@ -11,15 +11,15 @@ from planish.parallel import ParallelFor
 from planish.surface.curvature import ShapeOperators
 from planish.surface.normals import AREA, NOISE, PLACE, SAMPLE, OneRing, VertexRecords, closeness, store
 
-Mates = NDArray[np.int32]
+RulingNeighbours = NDArray[np.int32]
 """(n, 2) points some edges away from every point, one either way along its ruling; itself where there is none."""
 
 HOPS, DOUBLINGS = 4, 3
-"""Mates are taken 4, 8 and 16 edges away, so that normals of up to 57 points are averaged. With 4 and 8 only, noise of
-0.07 mm that is alike over three pixels leaves a sheet 0.03 % too large, instead of 0.015."""
+"""Neighbours along the ruling are taken 4, 8 and 16 edges away, so that normals of up to 57 points are averaged. With 4
+and 8 only, noise of 0.07 mm that is alike over three pixels leaves a sheet 0.03 % too large, instead of 0.015."""
 
 STOP = 6.0
-"""Mates whose normals differ by more than so many typical steps are not on one ruling; from 4 to 10 is much alike."""
+"""Neighbours whose normals differ by more typical steps are not on one ruling; from 4 to 10 is much alike."""
 
 FAR, QUARTER = np.float32(np.inf), np.float32(0.25)
 """In single precision, as the rows are: kernels are a third slower if one double creeps in."""
@@ -28,31 +28,31 @@ FAR, QUARTER = np.float32(np.inf), np.float32(0.25)
 def average_along(
     rows: VertexRecords, bends: ShapeOperators, ring: OneRing, out: VertexRecords, parallel_for: ParallelFor
 ) -> tuple[VertexRecords, VertexRecords]:
-    """Average every normal with those of its mates, in rounds of twice the reach each.
+    """Average every normal with those of its neighbours along the ruling, in rounds of twice the reach each.
 
-    N_i <- unit(2 A_i N_i + sum over the two mates of w_ij N_j), w as in `diffuse`
+    N_i <- unit(2 A_i N_i + sum over the two neighbours of w_ij N_j), w as in `diffuse`
 
     Returns
     -------
-    Rows, Rows
+    VertexRecords, VertexRecords
         The averages, and a buffer that is free: one is `rows`, the other `out`.
     """
-    mates, further = np.empty((len(rows), 2), np.int32), np.empty((len(rows), 2), np.int32)
-    parallel_for(_walk, len(rows), rows, bends, ring, mates)
+    neighbours, further = np.empty((len(rows), 2), np.int32), np.empty((len(rows), 2), np.int32)
+    parallel_for(_walk, len(rows), rows, bends, ring, neighbours)
     for level in range(DOUBLINGS):
         if level:
-            parallel_for(_double, len(rows), rows, bends, mates, further)
-            mates, further = further, mates
-        scale = np.float32(1 / max(STOP**2 * _typical_step(rows, mates), 1e-10))
-        parallel_for(_average, len(rows), rows, mates, scale, out)
+            parallel_for(_double, len(rows), rows, bends, neighbours, further)
+            neighbours, further = further, neighbours
+        scale = np.float32(1 / max(STOP**2 * _typical_step(rows, neighbours), 1e-10))
+        parallel_for(_average, len(rows), rows, neighbours, scale, out)
         rows, out = out, rows
     return rows, out
 
 
-def _typical_step(rows: VertexRecords, mates: Mates) -> float:
-    some = np.arange(0, len(mates), max(1, len(mates) // SAMPLE))
-    some = some[mates[some, 0] != some]
-    step = rows[some, :3] - rows[mates[some, 0], :3]
+def _typical_step(rows: VertexRecords, neighbours: RulingNeighbours) -> float:
+    some = np.arange(0, len(neighbours), max(1, len(neighbours) // SAMPLE))
+    some = some[neighbours[some, 0] != some]
+    step = rows[some, :3] - rows[neighbours[some, 0], :3]
     return float(np.median(np.einsum("ij,ij->i", step, step) / rows[some, NOISE])) if len(some) else 0.0
 
 
@@ -62,7 +62,7 @@ def _ruling(rows, bends, i, side):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _walk(first, last, rows, bends, ring, mates):  # type: ignore[no-untyped-def]
+def _walk(first, last, rows, bends, ring, neighbours):  # type: ignore[no-untyped-def]
     """Go from neighbour to neighbour, always to the one that gains most for how far it is off the line."""
     for i in range(first, last):
         start = row(rows, i, PLACE)
@@ -82,26 +82,26 @@ def _walk(first, last, rows, bends, ring, mates):  # type: ignore[no-untyped-def
                 if choice == here:
                     break
                 here, gone = choice, reached
-            mates[i, side] = here
+            neighbours[i, side] = here
 
 
 @njit(cache=True, nogil=True)
-def _double(first, last, rows, bends, mates, further):  # type: ignore[no-untyped-def]
-    """Go on from the mate to that mate of its own which lies further along the ruling."""
+def _double(first, last, rows, bends, neighbours, further):  # type: ignore[no-untyped-def]
+    """Go on from the neighbour to that neighbour of its own which lies further along the ruling."""
     for i in range(first, last):
         for side in range(2):
-            one, other = mates[mates[i, side], 0], mates[mates[i, side], 1]
+            one, other = neighbours[neighbours[i, side], 0], neighbours[neighbours[i, side], 1]
             step = minus(row(rows, other, PLACE), row(rows, one, PLACE))
             further[i, side] = other if dot(step, _ruling(rows, bends, i, side)) > 0 else one
 
 
 @njit(cache=True, nogil=True)
-def _average(first, last, rows, mates, scale, out):  # type: ignore[no-untyped-def]
+def _average(first, last, rows, neighbours, scale, out):  # type: ignore[no-untyped-def]
     for i in range(first, last):
         n, total, near = row(rows, i), np.float32(2) * rows[i, AREA], scale / rows[i, NOISE]
         normal, place = times(total, n), times(total, row(rows, i, PLACE))
         for side in range(2):
-            j = mates[i, side]
+            j = neighbours[i, side]
             weight = closeness(n, row(rows, j), near) * rows[j, AREA]
             normal, place = plus(normal, weight, row(rows, j)), plus(place, weight, row(rows, j, PLACE))
             total += weight

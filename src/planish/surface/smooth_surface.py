@@ -34,7 +34,7 @@ and six neighbours of equal weights, seen along one axis."""
 
 
 class MeasuredScan(NamedTuple):
-    """A mesh, and what is made of it once.
+    """A mesh, with what is measured of it once.
 
     Attributes
     ----------
@@ -42,8 +42,8 @@ class MeasuredScan(NamedTuple):
         About their middle, as float32 then holds 300 mm to 0.03 micrometres.
     middle : (3,) float64 [mm]
     edges : (e, 2) int32
-    ring : Ring
-    rows : Rows
+    ring : OneRing
+    rows : VertexRecords
     spacing : float [mm]
         Median length of the edges.
     mean_square : float [mm^2]
@@ -67,7 +67,7 @@ class Surface(NamedTuple):
     Attributes
     ----------
     normals : (n, 3) float32
-    bends : Bends
+    bends : ShapeOperators
     off : (n,) float32 [mm]
         Distance of the points from it.
     """
@@ -93,7 +93,7 @@ def measure_scan(
 
 
 def find_surface(scan: MeasuredScan, rounds: int, parallel_for: ParallelFor, least_reach: float = 0.0) -> Surface:
-    """Smooth the normals of a scan by so many rounds; with none only points on creases are given a side."""
+    """Smooth the normals of a scan in `rounds` rounds; with none, only points on creases are assigned a side."""
     points, ring, edges = scan.points, scan.ring, scan.edges
     rows, spare = scan.rows.copy(), np.empty_like(scan.rows)
     flat = np.zeros((len(rows), 4), np.float32)
