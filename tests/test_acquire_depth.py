@@ -213,3 +213,8 @@ def test_averaged_frames_have_no_steps():
     rng = np.random.default_rng(6)
     frames = [np.rint(500.3 + rng.normal(0, 1.0, (120, 160))) for _ in range(30)]
     assert depth_step(np.mean(frames, axis=0)) < 0.05  # a thirtieth of a millimetre
+
+
+@pytest.mark.parametrize("levels", [(250.0, 300.0), (250.0, 300.0, 350.0), (300.0,)])
+def test_flat_surfaces_one_behind_the_other_are_no_steps(levels):
+    assert depth_step(np.repeat(levels, 2000)) == 0.0

@@ -129,7 +129,7 @@ def test_out_of_focus(capture):
         np.abs(find_correspondence(f, PROJECTOR).projector_xy - true)[on_sheet]
         for f in (split(soft, PROJECTOR)[0], soft)
     ]
-    assert np.isfinite(off[1]).mean() > np.isfinite(off[0]).mean()
+    assert np.isfinite(off[1]).mean() >= np.isfinite(off[0]).mean()  # stripes that blur away tear no holes any more
     assert np.nanquantile(off[1], 0.9) < min(0.3, np.nanquantile(off[0], 0.9))  # print smears over 4 projector pixels
 
 

@@ -172,7 +172,7 @@ def plain_name(name: str) -> str:
     'scan.obj'
     >>> plain_name("../scan.obj")
     Traceback (most recent call last):
-    planish.web.problems.Refusal: '../scan.obj' is not a plain file name; rename the file
+    planish.web.problems.HTTPProblem: '../scan.obj' is not a plain file name; rename the file
     """
     name = unicodedata.normalize("NFC", name)
     is_invalid = (

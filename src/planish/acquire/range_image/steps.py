@@ -13,6 +13,10 @@ nearly all distinct; a sheet of 100,000 pixels in whole millimetres has some hun
 FEWEST = 1000
 """Least number of depths for the test: few values may be equal, or all distinct, by chance."""
 
+MAX_SHARE = 0.02
+"""Of the depth, that a step of numbers may be: disparities of a Kinect at 3 m are 0.8 % apart. What is farther apart is
+the scene's own, as two flat surfaces one behind the other."""
+
 COARSE_MM = 0.25
 """Steps above this are reported: rounding alone then adds 0.07 mm of noise, as much as a fair scanner has in all. At
 half of it a camera in tenths of a millimetre is still silent; at twice, half millimetres would be too."""
@@ -38,12 +42,13 @@ def depth_step(depth: Floats) -> float:
     if len(values) < FEWEST:
         return 0.0
     distinct, count = np.unique(values, return_counts=True)
-    if len(distinct) < 2 or len(distinct) > MAX_DISTINCT * len(values):
+    if len(distinct) < 3 or len(distinct) > MAX_DISTINCT * len(values):
         return 0.0
     gap = np.diff(distinct)
     by_gap = np.argsort(gap)
     weight = np.cumsum(count[1:][by_gap])
-    return float(gap[by_gap][np.searchsorted(weight, weight[-1] / 2)])
+    step = float(gap[by_gap][np.searchsorted(weight, weight[-1] / 2)])
+    return step if step <= MAX_SHARE * float(np.median(values)) else 0.0
 
 
 def with_rounding(noise_mm: float, step_mm: float) -> float:
