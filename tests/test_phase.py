@@ -129,8 +129,10 @@ def test_out_of_focus(capture):
         np.abs(find_correspondence(f, PROJECTOR).projector_xy - true)[on_sheet]
         for f in (split(soft, PROJECTOR)[0], soft)
     ]
-    assert np.isfinite(off[1]).mean() >= np.isfinite(off[0]).mean()  # stripes that blur away tear no holes any more
-    assert np.nanquantile(off[1], 0.9) < min(0.3, np.nanquantile(off[0], 0.9))  # print smears over 4 projector pixels
+    assert np.isfinite(off[1]).mean() > 0.999
+    assert np.isfinite(off[0]).mean() > 0.99  # stripes that blur away tear no holes
+    assert np.nanmedian(off[1]) < np.nanmedian(off[0])  # waves are the better where paper is blank
+    assert max(np.nanquantile(off, 0.9, axis=(1, 2))) < 0.3  # print smears over 4 projector pixels
 
 
 def test_waves_and_crossings_agree(shown):
