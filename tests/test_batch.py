@@ -77,6 +77,7 @@ def restore_all(folder, **how):
     return batch(find_items(folder / "in"), folder / "out", SynchronousPool, how.pop("options"), **how)
 
 
+@pytest.mark.slow
 def test_every_item_has_its_own_folder_and_rows_are_sorted_worst_first(folder, restored):
     calls = []
     counts = restore_all(folder, progress=lambda row, count, now: calls.append((row.name, count, now)))

@@ -150,6 +150,7 @@ class TestRestore:
             assert (flat["method"], flat["lengths"]) == ("verlet", lengths)
             assert flat["points"] == pytest.approx(500, rel=0.25)  # of 4,000: spacings of whole mesh cells only
 
+    @pytest.mark.slow
     def test_a_sheet_that_does_not_settle_is_written_and_ends_with_5(self, book, tmp_path, capsys):
         flat = tmp_path / "flat.obj"
         assert run(["flatten", str(book[0]), "-o", str(flat), "--method", "verlet", "--verlet.max-steps", "3"]) == 5

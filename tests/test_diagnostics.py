@@ -48,11 +48,13 @@ def codes():
     return {ast.literal_eval(call.args[0]) for call in calls}
 
 
+@pytest.mark.slow
 def test_every_code_is_documented_and_every_documented_code_exists():
     section = (ROOT / "docs" / "errors.md").read_text().split("## Warnings")[1]
     assert set(re.findall(r"^\| `([a-z0-9-]+)` \|", section, re.MULTILINE)) == codes()
 
 
+@pytest.mark.slow
 def test_the_library_names_no_flags():
     named = {
         (str(path), text)
@@ -64,6 +66,7 @@ def test_the_library_names_no_flags():
     assert {path for path, _ in named} <= {"io/ocr.py"}, named
 
 
+@pytest.mark.slow
 def test_settings_in_hints_are_flags_of_the_command_line():
     known = set(re.findall(r"--[a-z0-9.-]+", (ROOT / "docs" / "cli.md").read_text()))
     used = {

@@ -49,6 +49,7 @@ def as_rigid(mesh):
     return distortion(as_rigid_as_possible(mesh.faces, triangles, conformal), mesh.faces, found, rest)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", DISCS)
 def test_never_worse_than_as_rigid_as_possible_and_told(name):
     mesh = DISCS[name]

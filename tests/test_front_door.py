@@ -216,6 +216,7 @@ def done():
 
 
 class TestRestoration:
+    @pytest.mark.slow
     def test_the_page_is_the_best_there_is(self, done):
         assert done.page is done.unshaded
         plain = planish.RestoreSettings(shading=planish.settings.ShadingSettings(shading="none"))
@@ -224,6 +225,7 @@ class TestRestoration:
         assert rendered.page is rendered.rendered
         assert planish.restore(Scan(source.mesh)).page is None
 
+    @pytest.mark.slow
     def test_binarization_waits_until_it_is_looked_at_and_is_done_once(self, monkeypatch):
         from planish.pipeline import restore as module
 

@@ -271,10 +271,12 @@ def real():
 class TestRealCapture:
     """A chessboard of 75 mm squares at 3.2 m, and a projector calibrated at twice the resolution of its code."""
 
+    @pytest.mark.slow
     def test_the_factor_is_named(self, real):
         with pytest.raises(InputError, match=r"give projector_scale=2 if"):
             from_gray_code(*real, mask=None)
 
+    @pytest.mark.slow
     def test_the_board_is_flat(self, real):
         frames, camera, projector = real
         calibrated = replace(projector, shape_rc=(1536, 2048))

@@ -446,6 +446,7 @@ def test_a_further_photo_with_another_colour_profile(tmp_path):
 # Real captures
 
 
+@pytest.mark.slow
 @pytest.mark.shared("virtual_scans")
 @pytest.mark.parametrize("name", ["book_clean", "letter"])
 def test_camera_and_texture_of_a_virtual_scan_agree(name):

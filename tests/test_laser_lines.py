@@ -314,6 +314,7 @@ def test_a_bad_rig_file_is_a_sentence(tmp_path, told, sentence):
         read_rig(path)
 
 
+@pytest.mark.slow
 @pytest.mark.shared("laser_lines_book")
 def test_real_squared_books_come_out_squared():
     """Lasers and lens found from one photo; the squares of the other, whose book is bent far more, come out equal."""

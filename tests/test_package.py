@@ -53,6 +53,7 @@ def test_the_source_distribution_makes_the_same_wheel_byte_for_byte(built):
     assert from_sdist.read_bytes() == from_tree.read_bytes()
 
 
+@pytest.mark.slow
 def test_the_source_distribution_has_every_file_of_the_project(built):
     if not (ROOT / ".git").exists():
         pytest.skip("this is not a clone")

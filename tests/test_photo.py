@@ -391,6 +391,7 @@ def test_the_profile_of_a_book_from_its_shade(picture):
     assert "brightness fits" in found.report.confidence
 
 
+@pytest.mark.slow
 def test_a_folded_letter_is_refused_to_shading():
     with pytest.raises(InputError, match=r"folded|blank paper"):
         find_shape(photo_of("letter").scan.photo, PhotoSettings(shape="shading"))

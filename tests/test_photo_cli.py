@@ -13,6 +13,8 @@ from planish.gallery import sheet, virtual_scan
 from planish.io import focal_length_px, write_unscaled_page
 from planish.types import Page
 
+pytestmark = pytest.mark.slow
+
 EXIF, FOCAL_35, FOCAL, RESOLUTION, UNIT, ORIENTATION = 0x8769, 0xA405, 0x920A, 0xA20E, 0xA210, 0x0112
 
 

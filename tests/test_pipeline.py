@@ -13,6 +13,8 @@ from planish.settings import BinarizeSettings, FlattenSettings, RenderSettings, 
 from planish.types import Mesh, Scan
 from shapes import rigid_rms
 
+pytestmark = pytest.mark.slow
+
 SMALL = {"points": 6000, "photo_px": (1200, 900)}
 DRAFT = RestoreSettings(render=RenderSettings(dpi=100.0))
 

@@ -304,6 +304,7 @@ def test_points_without_a_photo_place():
     assert known[:, :-20].all()
 
 
+@pytest.mark.slow
 def test_refusals():
     photo = grey(np.full((100, 200), 90.0))
     scan, page_xy = flat_scan(photo, 20.0, 10.0)

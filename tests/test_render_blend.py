@@ -14,6 +14,8 @@ from planish.settings import RenderSettings, RestoreSettings
 from planish.types import Camera, Mesh, Scan, View
 from shapes import grid
 
+pytestmark = pytest.mark.slow
+
 WIDTH, HEIGHT = 120.0, 80.0
 DPI = 127.0  # 5 pixels a millimetre
 

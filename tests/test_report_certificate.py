@@ -18,6 +18,8 @@ from planish.settings import RenderSettings, RestoreSettings, ShadingSettings
 from planish.types import Diagnostic
 from shapes import grid
 
+pytestmark = pytest.mark.slow
+
 AT_100_DPI = RestoreSettings(render=RenderSettings(dpi=100.0))
 
 

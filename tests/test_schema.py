@@ -41,6 +41,7 @@ def check(report):
     jsonschema.validate(report, SCHEMA)
 
 
+@pytest.mark.slow
 def test_reports_of_every_kind_fit_it(scan, report, written):
     photo = PhotoReport("shading", "unknown", 1000.0, "assumed", 0, 0, None, None, 0.5, "A guess.")
     geometry = restore(Scan(scan.mesh)).report

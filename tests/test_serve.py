@@ -16,6 +16,8 @@ from planish.job import Job, Outputs, run
 from planish.settings import RenderSettings, RestoreSettings
 from serve_process import PATIENCE, SLOW, Server, runs
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def scan(tmp_path_factory):

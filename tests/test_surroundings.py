@@ -40,6 +40,7 @@ def test_a_table_around_the_sheet_is_left_out(name):
     assert paper[used].sum() > 0.95 * paper.sum()  # but a pixel or two of the rim, 1.6 mm each
 
 
+@pytest.mark.slow
 def test_the_page_has_its_size_instead_of_the_table_s():
     scan, _ = seen("book")
     done, whole = planish.restore(scan, QUICK), planish.restore(scan, planish.RestoreSettings(sheet="all"))

@@ -105,6 +105,7 @@ def test_it_is_self_contained(page, document):
     assert [tag for tag, _ in document.elements if tag in ("iframe", "object", "embed", "base", "form")] == []
 
 
+@pytest.mark.slow
 def test_its_policy_allows_this_script_and_style_only(document):
     (policy,) = (a["content"] for _, a in document.elements if a.get("http-equiv") == "Content-Security-Policy")
     rules = dict(rule.strip().split(" ", 1) for rule in policy.split(";"))

@@ -20,6 +20,7 @@ def gone(pid):
     return False
 
 
+@pytest.mark.slow
 def test_the_function_runs_in_another_process_and_reports_progress():
     told = []
     assert run_in_subprocess(subprocess_tasks.add, 1, 2, progress=lambda stage, share: told.append((stage, share))) == 3
