@@ -218,3 +218,19 @@ def test_averaged_frames_have_no_steps():
 @pytest.mark.parametrize("levels", [(250.0, 300.0), (250.0, 300.0, 350.0), (300.0,)])
 def test_flat_surfaces_one_behind_the_other_are_no_steps(levels):
     assert depth_step(np.repeat(levels, 2000)) == 0.0
+
+
+def test_lone_missing_pixels_and_pairs_are_filled_and_larger_gaps_stay():
+    camera = Camera(np.array([[300.0, 0, 79.5], [0, 300, 59.5], [0, 0, 1]]), np.eye(3), np.zeros(3), (120, 160))
+    depth = 500.0 + 0.05 * np.arange(160) + np.zeros((120, 1))
+    depth[20, 30] = depth[40, 50] = depth[40, 51] = 0
+    depth[60:66, 60:66] = 0
+    depth[:, 100:] += 100.0
+    depth[80, 99] = 0  # at the jump its neighbours are on two surfaces
+    acquired = from_depth([depth], camera, np.full((120, 160, 3), 200, np.uint8), mask=None)
+    there = {tuple(xy) for xy in acquired.scan.photo_xy.astype(int)}
+    assert {(30, 20), (50, 40), (51, 40)} <= there
+    assert (62, 62) not in there
+    assert (99, 80) not in there
+    filled = acquired.scan.mesh.points[acquired.scan.photo_xy.astype(int).tolist().index([30, 20])]
+    assert filled[2] == pytest.approx(500.0 + 0.05 * 30, abs=1e-6)

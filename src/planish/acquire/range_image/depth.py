@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from planish.acquire.grid_mesh import STEEPEST, AcquiredScan, grid_mesh
+from planish.acquire.grid_mesh import NOISE_STEPS, STEEPEST, AcquiredScan, grid_mesh
 from planish.acquire.range_image.steps import depth_step, step_warnings, with_rounding
 from planish.document.sheet_outline import sheet_mask
 from planish.errors import InputError
@@ -61,6 +61,7 @@ def from_depth(
     depth, agreement = average_frames(stack)
     step_mm = depth_step(depth)
     noise_mm = with_rounding(pixel_noise(depth), step_mm)
+    depth = fill_single_gaps(depth, np.maximum(STEEPEST / camera.matrix[0, 0] * depth, NOISE_STEPS * noise_mm))
     depth = remove_flying_pixels(depth, camera, noise_mm)
     points = back_project(camera, depth)
     sheet, warnings = sheet_mask(photo, mask)
@@ -150,6 +151,36 @@ def _average(first, last, stack, depth, agreement):  # type: ignore[no-untyped-d
                 total += values[k]
                 used += 1
         depth[i], agreement[i] = total / used, used / frames
+
+
+def fill_single_gaps(depth: Floats, step: Floats) -> Floats:
+    """Fill missing pixels with the mean of their neighbours above, below, left and right, if these are on one surface.
+
+    At least three of them must be known: lone pixels and pairs are filled, which a camera drops here and there, and
+    which would be holes in letters on the page. Larger gaps stay.
+
+    Parameters
+    ----------
+    depth : (rows, cols) float64 [mm]
+        NaN where there is none.
+    step : (rows, cols) float64 [mm]
+        Neighbours that differ by more are on two surfaces; NaN where there is no depth.
+
+    Examples
+    --------
+    >>> depth = np.array([[1.0, 1, 1], [1, np.nan, 1.2], [1, 1, 1]])
+    >>> float(fill_single_gaps(depth, 0.5 * depth)[1, 1].round(3))
+    1.05
+    """
+    around, limit = (np.full((4, *depth.shape), np.nan) for _ in range(2))
+    for out, values in ((around, depth), (limit, step)):
+        out[0, 1:], out[1, :-1], out[2, :, 1:], out[3, :, :-1] = values[:-1], values[1:], values[:, :-1], values[:, 1:]
+    row, col = np.nonzero(np.isnan(depth) & (np.isfinite(around).sum(axis=0) >= 3))
+    beside = around[:, row, col]
+    one_surface = np.nanmax(beside, axis=0) - np.nanmin(beside, axis=0) <= np.nanmin(limit[:, row, col], axis=0)
+    filled = depth.copy()
+    filled[row[one_surface], col[one_surface]] = np.nanmean(beside[:, one_surface], axis=0)
+    return filled
 
 
 def remove_flying_pixels(depth: Floats, camera: Camera, noise_mm: float = 0.0) -> Floats:
