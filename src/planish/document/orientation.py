@@ -32,6 +32,9 @@ TEXT_LINES = 0.7
 MIN_ROWS = 20.0
 """Rows that must share the abrupt changes of the profile: five lines of text have 20, a page of print 60 and more; the
 shade along a spine or a fold has 8."""
+FAINT = 0.15
+"""A page whose darkest thousandth differs from its paper by less has no lines: grain, JPEG blocks, or the steps of a
+shade that coarse points show (half of it: these steps pass for lines of text; twice: pencil is lost)."""
 SURE = 0.5
 """A page is turned only for a confidence above this."""
 COLUMN_MM = 20.0
@@ -134,7 +137,7 @@ def _lines_along(ink: Ink) -> _Lines:
     angles = np.arange(-MAX_SKEW, MAX_SKEW + 0.1, 0.2)
     sums = np.array([_steepness(strips, middles, a) for a in angles])
     usual, most = float(np.median(sums)), float(sums.max())
-    if most <= 0:
+    if most <= 0 or np.quantile(ink.amount, 0.999) < FAINT:
         return _Lines(strips, middles, ink.px_per_mm, 0.0, 0.0, 0.0)
     fine = angles[sums.argmax()] + np.linspace(-0.3, 0.3, 13)
     near = np.array([_steepness(strips, middles, a) for a in fine])

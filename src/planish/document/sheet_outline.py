@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planish.color import to_uint8
+from planish.document.rim import at_places, rim_drops, share_around, with_margin
 from planish.errors import InputError
-from planish.types import Bools, Diagnostic, Pixels
+from planish.types import Bools, Diagnostic, Floats, Pixels
 
 WORKING_PX = 800
 """Long side of the small picture on which the sheet is sought."""
@@ -22,15 +23,37 @@ MIN_CONTRAST = 1.5
 AREA_SHARE = (0.02, 0.97)
 """Of the photo, that a sheet may fill; one that fills more shows no ground around it."""
 
+EDGE = 0.5
+"""Least part of the contrast by which the brightness must fall within the rim of a sheet, in the median along it. At
+edges of paper on a table it is 0.8 to 1, in the shade beside a spine 0.1 to 0.4."""
 
-def sheet_mask(photo: Pixels, mask: Bools | str | None) -> tuple[Bools | None, list[Diagnostic]]:
+MIN_AROUND = 0.4
+"""Part of all directions in which ground must follow the sheet: a sheet alone with one dark side, shade or print, has
+0.25 to 0.35; a sheet that reaches two borders of the view has 0.5."""
+
+MIN_TOLD = 0.02
+"""Part of what was scanned that is left out with a note; less is the ragged rim."""
+
+MIN_SOFT = 0.2
+"""Part of the rim that may be as soft as shade without a note: a long side of a page is 0.28. At half of it blurred
+corners of a range image are told too."""
+
+
+def sheet_mask(
+    photo: Pixels, mask: Bools | str | None, places: Floats | None = None
+) -> tuple[Bools | None, list[Diagnostic]]:
     """The mask of the sheet that a user asked for, and warnings.
+
+    A sheet that is found by its brightness is trusted only if it ends in an edge with ground on more than one side:
+    deep shade beside a spine, and dark print, are dark on one side of a sheet too.
 
     Parameters
     ----------
     photo : (rows, cols, 3) uint8 or uint16
     mask : (rows, cols) bool, "auto" or None
         auto: as `find_sheet` finds it. None: everywhere.
+    places : (k, 2) float64 [px], optional
+        Of all that was scanned, on the photo. By default all of the photo was.
 
     Raises
     ------
@@ -40,9 +63,7 @@ def sheet_mask(photo: Pixels, mask: Bools | str | None) -> tuple[Bools | None, l
     if mask is None:
         return None, []
     if isinstance(mask, str):
-        detected = find_sheet(photo)
-        sentence = "no sheet stands out from its ground on the photo, so all that was seen was kept"
-        return detected, [Diagnostic("sheet-not-found", sentence)] if detected is None else []
+        return _trusted(photo, find_sheet(photo), places)
     if mask.shape != photo.shape[:2]:
         raise InputError(
             f"the mask is {mask.shape[1]} x {mask.shape[0]} pixels, the photo {photo.shape[1]} x {photo.shape[0]}; "
@@ -51,6 +72,54 @@ def sheet_mask(photo: Pixels, mask: Bools | str | None) -> tuple[Bools | None, l
     if not mask.any():
         raise InputError("the mask is black all over; paint it white where the sheet is")
     return mask, []
+
+
+def _trusted(photo: Pixels, mask: Bools | None, places: Floats | None) -> tuple[Bools | None, list[Diagnostic]]:
+    """The mask, or None where what lies outside of it may belong to the sheet; with what to tell the user."""
+    if mask is None:
+        sentence = "no sheet stands out from its ground on the photo, so all that was seen was kept"
+        return None, [Diagnostic("sheet-not-found", sentence)]
+    seen = _every_fourth(mask.shape) if places is None else places[np.isfinite(places).all(axis=1)]
+    near = with_margin(mask)
+    scale = near.shape[1] / mask.shape[1]
+    outside = ~at_places(near, seen, scale)
+    share = float((~at_places(mask, seen)).mean()) if outside.any() else 0.0
+    if share < MIN_TOLD:
+        return mask, []
+    drops = _drops(photo, seen)
+    around = share_around(near, seen[outside], scale)
+    if len(drops) and (np.median(drops) < EDGE or around < MIN_AROUND):
+        sentence = (
+            f"{100 * share:.0f} % of what was scanned is darker than the rest of the sheet, as ground, shade or print "
+            "would be, and was kept"
+        )
+        return None, [Diagnostic("sheet-outline-doubtful", sentence, "give {mask} as an image if it is ground")]
+    sentence = f"{100 * share:.0f} % of what was scanned lies outside the sheet on the photo and was left out"
+    soft = float((drops < EDGE).mean()) if len(drops) else 0.0
+    if soft > MIN_SOFT:
+        sentence += f"; {100 * soft:.0f} % of the sheet's outline is as soft as shade, so part of the sheet may be lost"
+    return mask, [Diagnostic("surroundings-left-out", sentence, "set {mask=none} to keep it, or give an image")]
+
+
+def _every_fourth(shape_rc: tuple[int, ...]) -> Floats:
+    """(k, 2) places of every fourth pixel both ways."""
+    col, row = np.meshgrid(np.arange(0.0, shape_rc[1], 4), np.arange(0.0, shape_rc[0], 4))
+    return np.stack([col.ravel(), row.ravel()], axis=1)
+
+
+def _drops(photo: Pixels, places: Floats) -> Floats:
+    """`rim_drops` of the sheet on the small picture on which it is sought."""
+    bright, inside, scale = _bright_region(photo)
+    seen = np.zeros(inside.shape, np.uint8)
+    rows, cols = bright.shape[:2]
+    at = np.floor((places + 0.5) * scale).astype(int)
+    col, row = at[:, 0], at[:, 1]
+    on_photo = (row >= 0) & (row < rows) & (col >= 0) & (col < cols)
+    seen[row[on_photo], col[on_photo]] = 1
+    spacing = int(np.ceil(np.sqrt(seen.size / max(int(seen.sum()), 1))))
+    side = 2 * min(spacing, max(rows, cols) // 20) + 1  # places may be pixels apart
+    seen = cv2.morphologyEx(seen, cv2.MORPH_CLOSE, np.ones((side, side), np.uint8))
+    return rim_drops(np.log1p(bright.astype(np.float64)), inside, seen > 0)
 
 
 def find_sheet(photo: Pixels, *, whole: bool = False) -> Bools | None:
@@ -81,12 +150,7 @@ def find_sheet(photo: Pixels, *, whole: bool = False) -> Bools | None:
     (True, False, True)
     """
     rows, cols = photo.shape[:2]
-    eight = to_uint8(photo)
-    scale = min(1.0, WORKING_PX / max(rows, cols))
-    small = cv2.resize(eight, (max(2, round(cols * scale)), max(2, round(rows * scale))), interpolation=cv2.INTER_AREA)
-    bright = _without_print(small.max(axis=2))
-    above, _ = cv2.threshold(_log_levels(bright), 0, 255, cv2.THRESH_BINARY | cv2.THRESH_OTSU)
-    inside = _largest(_log_levels(bright) > above)
+    bright, inside, scale = _bright_region(photo)
     if not AREA_SHARE[0] <= inside.mean() <= AREA_SHARE[1]:
         return None
     if np.median(bright[inside]) < MIN_CONTRAST * max(float(np.median(bright[~inside])), 1.0):
@@ -96,6 +160,17 @@ def find_sheet(photo: Pixels, *, whole: bool = False) -> Bools | None:
         return np.asarray(mask > 127)
     border = 1 + 2 * int(np.ceil(0.5 / scale))  # half a small pixel is how far the outline may be off
     return np.asarray(cv2.erode(mask, np.ones((border, border), np.uint8)) > 127)
+
+
+def _bright_region(photo: Pixels) -> tuple[NDArray[np.uint8], Bools, float]:
+    """On a small picture: the brightness without print, its largest bright region, and the picture's scale."""
+    rows, cols = photo.shape[:2]
+    eight = to_uint8(photo)
+    scale = min(1.0, WORKING_PX / max(rows, cols))
+    small = cv2.resize(eight, (max(2, round(cols * scale)), max(2, round(rows * scale))), interpolation=cv2.INTER_AREA)
+    bright = _without_print(small.max(axis=2))
+    above, _ = cv2.threshold(_log_levels(bright), 0, 255, cv2.THRESH_BINARY | cv2.THRESH_OTSU)
+    return bright, _largest(_log_levels(bright) > above), scale
 
 
 def _without_print(grey: NDArray[np.uint8]) -> NDArray[np.uint8]:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import cv2
 import numpy as np
 
+from planish.document.rim import at_places, share_around, with_margin
 from planish.document.sheet_outline import find_sheet
 from planish.geometry import project
 from planish.geometry.axes import principal_axes
@@ -14,17 +14,9 @@ from planish.geometry.resection import resect
 from planish.mesh import area_vectors
 from planish.types import Bools, Diagnostic, Floats, Mesh, Scan
 
-MASK_PX = 800
-"""Long side of the mask with which places on the photo are compared."""
-
-MARGIN = 0.02
-"""Surroundings begin this part of the photo's long side outside of the paper: nearer, a border of the sheet may be
-shade, dark print or a ragged outline. A scan of a sheet alone has nothing there."""
-
 MIN_AREA = 0.05
 """Part of the scanned area that must be surroundings for them to be left out."""
 
-DIRECTIONS = 72
 MIN_AROUND = 0.6
 """Part of all directions from the middle of the paper in which surroundings must follow it closely. A sheet alone that
 is dark on one side, as beside a spine, has a quarter to a half of them; a sheet on a table all, or three quarters where
@@ -64,15 +56,15 @@ def leave_out_surroundings(scan: Scan) -> tuple[Scan, list[Diagnostic]]:
     mask = find_sheet(scan.photo, whole=True)
     if mask is None:
         return scan, []
-    near = _with_margin(mask)
+    near = with_margin(mask)
     scale = near.shape[1] / mask.shape[1]
     faces = scan.mesh.faces
-    outside = np.asarray(~_at(near, places, scale)[faces].any(axis=1))
+    outside = np.asarray(~at_places(near, places, scale)[faces].any(axis=1))
     area = np.linalg.norm(area_vectors(scan.mesh.points, faces), axis=1)
     share = float(area[outside].sum() / max(area.sum(), np.finfo(float).tiny))
-    if share < MIN_AREA or not _all_around(near, places[faces[outside][:, 0]], scale):
+    if share < MIN_AREA or share_around(near, places[faces[outside][:, 0]], scale) < MIN_AROUND:
         return scan, []
-    inside = np.asarray(_at(mask, places)[faces].all(axis=1))
+    inside = np.asarray(at_places(mask, places)[faces].all(axis=1))
     flat_ground, flat_sheet = _flat_shares(scan.mesh, outside, inside)
     if flat_ground < MIN_FLAT or not inside.any():
         return scan, []
@@ -110,46 +102,6 @@ def _places(scan: Scan) -> Floats | None:
     if scan.camera is None and (known.sum() < len(points) // 2 or resect(points[known], photo_xy[known]) is None):
         return None
     return photo_xy
-
-
-def _with_margin(mask: Bools) -> Bools:
-    """The paper on a small picture, with a margin around it."""
-    scale = min(1.0, MASK_PX / max(mask.shape))
-    size = max(1, round(mask.shape[1] * scale)), max(1, round(mask.shape[0] * scale))
-    small = cv2.resize(mask.astype(np.uint8), size, interpolation=cv2.INTER_AREA)
-    side = 2 * round(MARGIN * max(size)) + 1
-    return np.asarray(cv2.dilate(small, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))) > 0)
-
-
-def _at(mask: Bools, photo_xy: Floats, scale: float = 1.0) -> Bools:
-    """(n,) whether the mask is true at places on the photo; false beside it."""
-    with np.errstate(invalid="ignore"):
-        column, row = np.nan_to_num(np.floor((photo_xy + 0.5) * scale), nan=-1, posinf=-1, neginf=-1).T
-    inside = (row >= 0) & (row < mask.shape[0]) & (column >= 0) & (column < mask.shape[1])
-    out = np.zeros(len(photo_xy), bool)
-    out[inside] = mask[row[inside].astype(int), column[inside].astype(int)]
-    return out
-
-
-def _all_around(near: Bools, photo_xy: Floats, scale: float) -> bool:
-    """Whether places of the surroundings stand close around the paper in most directions.
-
-    Parameters
-    ----------
-    near : (rows, cols) bool
-        The paper with its margin.
-    photo_xy : (k, 2) float64 [photo px]
-        Of the surroundings.
-    scale : float
-        From the photo to `near`.
-    """
-    side = 4 * round(MARGIN * max(near.shape)) + 1
-    ring = cv2.dilate(near.astype(np.uint8), cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))) > 0
-    close = photo_xy[_at(np.asarray(ring), photo_xy, scale)]
-    middle = np.argwhere(near).mean(axis=0)[::-1] / scale
-    angle = np.arctan2(*(close - middle).T[::-1])
-    hit = np.unique(np.floor((angle / (2 * np.pi) + 0.5) * DIRECTIONS).clip(0, DIRECTIONS - 1))
-    return len(hit) >= MIN_AROUND * DIRECTIONS
 
 
 def _flat_shares(mesh: Mesh, outside: Bools, inside: Bools) -> tuple[float, float]:

@@ -83,9 +83,9 @@ def from_points(
         photo_camera = camera_above(mesh, PIXEL * found.spacing_mm)
         photo = render_points(mesh, photo_camera, points, colours)
     if photo is not None:
-        sheet, mask_warnings = sheet_mask(photo, mask)
-        warnings += mask_warnings
         assert photo_camera is not None
+        sheet, mask_warnings = sheet_mask(photo, mask, project(photo_camera, mesh.points))
+        warnings += mask_warnings
         if sheet is not None:
             mesh = crop_to_sheet(mesh, photo_camera, sheet, CELL * found.spacing_mm, found.noise_mm)
     camera = photo_camera or camera_above(mesh, found.spacing_mm)  # without a photo, positions for the preview

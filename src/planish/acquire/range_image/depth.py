@@ -64,7 +64,8 @@ def from_depth(
     depth = fill_single_gaps(depth, np.maximum(STEEPEST / camera.matrix[0, 0] * depth, NOISE_STEPS * noise_mm))
     depth = remove_flying_pixels(depth, camera, noise_mm)
     points = back_project(camera, depth)
-    sheet, warnings = sheet_mask(photo, mask)
+    seen = points.reshape(-1, 3)
+    sheet, warnings = sheet_mask(photo, mask, project(seen_from, seen[np.isfinite(seen).all(axis=1)]))
     warnings = [*warnings, *step_warnings(step_mm)]
     if sheet is not None:
         points = apply_mask(points, seen_from, sheet)

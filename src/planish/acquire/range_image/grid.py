@@ -91,7 +91,7 @@ def from_grid(
     keep = known & ~flying_pixels(distance_map, [np.full(distance_map.shape, max(STEEPEST / 2 * pitch, 4 * noise))] * 2)
     warnings: list[Diagnostic] = step_warnings(step_mm)
     if photo is not None:
-        sheet, more = sheet_mask(photo, mask)
+        sheet, more = sheet_mask(photo, mask, xy[keep])
         warnings += more
         if sheet is not None:
             keep &= inside_mask(xy.reshape(-1, 2), sheet).reshape(keep.shape)
