@@ -1,0 +1,1 @@
+"""From several photos of a sheet to a scan."""
