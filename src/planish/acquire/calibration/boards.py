@@ -102,7 +102,9 @@ def board_page(board: Board, paper: str = "a4") -> Page:
     drawn = Image.fromarray(board_pixels(board, round(board.square_mm * PX_PER_MM)))
     sheet = Image.new("L", (round(width * PX_PER_MM), round(height * PX_PER_MM)), 255)
     sheet.paste(drawn, ((sheet.width - drawn.width) // 2, (sheet.height - drawn.height) // 2 - 3 * PX_PER_MM))
-    _scale(sheet, f"{board.columns} x {board.rows} squares of {board.square_mm:g} mm, {board.kind}; print at 100 %")
+    draw_scale_bar(
+        sheet, f"{board.columns} x {board.rows} squares of {board.square_mm:g} mm, {board.kind}; print at 100 %"
+    )
     pixels = np.asarray(sheet) > 127
     return Page(pixels, np.ones_like(pixels), PX_PER_MM * MM_PER_INCH)
 
@@ -188,7 +190,7 @@ def _charuco(board: Board) -> cv2.aruco.CharucoBoard:
     return cv2.aruco.CharucoBoard(size, board.square_mm, MARKER_SHARE * board.square_mm, dictionary)
 
 
-def _scale(sheet: Image.Image, text: str) -> None:
+def draw_scale_bar(sheet: Image.Image, text: str) -> None:
     """Draw a 100 mm scale bar at the bottom of the sheet, and a line of text."""
     draw = ImageDraw.Draw(sheet)
     left, base = MARGIN_MM * PX_PER_MM, sheet.height - (MARGIN_MM + 1) * PX_PER_MM

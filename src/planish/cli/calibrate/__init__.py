@@ -5,8 +5,9 @@ from __future__ import annotations
 from cyclopts import App
 
 from planish.cli.calibrate.board import board, camera, projector
+from planish.cli.calibrate.card import card
 from planish.cli.calibrate.laser import laser, laser_lines
 
 app = App(name="calibrate", help="Calibrate a device from photos of a printed board.")
-for command in (board, camera, projector, laser, laser_lines):
+for command in (board, card, camera, projector, laser, laser_lines):
     app.command(command)
