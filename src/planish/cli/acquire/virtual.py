@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def virtual(
-    device: Literal["depth", "gray-code", "boards", "laser", "laser-lines", "grid", "points"],
+    device: Literal["depth", "gray-code", "boards", "laser", "laser-lines", "grid", "points", "photos"],
     /,
     *,
     output: Output,
@@ -33,6 +33,7 @@ def virtual(
         laser: a sweep, its angles, and photos of a board of 7 x 9 squares of 18 mm with and without the line.
         laser-lines: a page under two fixed lines, and squared paper of 8 mm under the same.
         grid: the range image of a scanner of 640 x 480 points. points: a photogrammetry cloud, and a photo.
+        photos: ten photos of a phone from around, with a printed card of 40 mm beside the sheet.
     output
         Output folder; created if it does not exist. It also receives the true page and cameras.
     sheet
@@ -47,6 +48,7 @@ def virtual(
     """
     from planish.cli.acquire.virtual_clouds import grid, points
     from planish.cli.acquire.virtual_laser import laser, laser_lines
+    from planish.cli.acquire.virtual_photos import photos
     from planish.cli.console import progress_bar
     from planish.cli.demo import SHEETS
     from planish.gallery import sheet as known_sheet
@@ -62,7 +64,10 @@ def virtual(
         if device == "gray-code":
             page = _gray_code(output, shape, small, phase_steps)
         else:
-            writers = {"depth": _depth, "laser": laser, "laser-lines": laser_lines, "grid": grid, "points": points}
+            writers = {
+                **{"depth": _depth, "laser": laser, "laser-lines": laser_lines},
+                **{"grid": grid, "points": points, "photos": photos},
+            }
             page = writers[device](output, shape, small)
         write_page(output / "page.png", page)
 
