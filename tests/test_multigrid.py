@@ -281,7 +281,7 @@ class TestWhatCannotLieFlat:
 
     def test_running_out_of_steps_is_said(self):
         mesh, found, sticks, _ = known("miura", 1000)
-        assert solve_sticks(mesh, found, sticks, MultigridSettings(max_steps=2)).outcome is Outcome.OUT_OF_STEPS
+        assert solve_sticks(mesh, found, sticks, MultigridSettings(max_steps=1)).outcome is Outcome.OUT_OF_STEPS
 
 
 @pytest.mark.slow

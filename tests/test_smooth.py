@@ -208,6 +208,26 @@ def test_a_coarse_bent_sheet_is_not_smoothed_for_its_bends():
 # ------------------------------------------------------------------ normals
 
 
+@pytest.mark.parametrize("jitter", [0.0, 0.2])
+def test_a_dome_without_noise_is_not_taken_for_noise(jitter):
+    """It buckles everywhere, as under white noise; what smoothing would take away is alike over 36 edges."""
+    uv, faces = grid(60, 80)
+    uv = uv + jitter * np.random.default_rng(1).uniform(-1, 1, uv.shape) * (uv[1, 0] - uv[0, 0])
+    x, y = uv[:, 0] / 200 - 0.5, uv[:, 1] / 280 - 0.5
+    points = np.c_[uv, -100 * (x**2 + y**2)]
+    smooth = smooth_lengths(points, faces, topology(faces, len(points)))
+    assert smooth.smoothing is not Smoothing.SMOOTHED
+    assert smooth.typical_noise_mm < 0.01  # 3.8 mm of noise were told
+
+
+@pytest.mark.parametrize("layout", ["grid", "delaunay"])
+def test_a_coarse_crumpled_sheet_is_no_strong_noise(layout):
+    """Its facets are as large as the largest patches, where its folds seem to stop growing."""
+    mesh, _ = sheet_mesh(sheet("crumpled"), 20_000, noise_mm=0.05, layout=layout, rng=7)
+    smooth = smooth_lengths(mesh.points, mesh.faces, topology(mesh.faces, len(mesh.points)))
+    assert smooth.typical_noise_mm < 0.15  # 0.58 mm were told of the random mesh, and its page was 3.2 mm out
+
+
 @pytest.mark.parametrize("name", ["book", "letter"])
 def test_smooth_normals_are_true_and_stay_sharp_at_folds(name):
     mesh, _, topo = with_noise(name, 0.07, white)

@@ -24,10 +24,11 @@ from planish.mesh.measures import LEAST_HEIGHT, relative_height
 from planish.types import Floats, Ints
 
 STEPS = 100
-"""Local and global steps at most. Of eleven meshes eight end by `LEVEL` after 13 to 75 steps."""
+"""Local and global steps at most. Most meshes end by `LEVEL` after 10 to 40 steps."""
 
-LEVEL = 1e-4
-"""The energy is low enough when five steps have lowered it by no more than this part."""
+LEVEL = 1e-3
+"""The energy is low enough when five steps have lowered it by no more than this part; 1e-4 takes three times the steps,
+for 0.01 % less strain."""
 
 GROUND = 1e-9
 """Share of its diagonal added to the matrix, as a layout is free to move as a whole."""

@@ -38,6 +38,7 @@ def minimize(
     still_mm: float,
     parallel_for: ParallelFor,
     progress: Callable[[float], None] | None = None,
+    level: float = LEVEL,
 ) -> tuple[Floats, Outcome, Floats]:
     """Minimize an energy of points in the plane.
 
@@ -59,6 +60,8 @@ def minimize(
         See `planish.parallel`.
     progress : callable, optional
         Told the share of the way that is done, before each step.
+    level : float
+        Also at rest when the last SPAN steps have lowered the energy by no more than this part.
 
     Returns
     -------
@@ -97,7 +100,7 @@ def minimize(
         if share == 0.0:
             history = []
             continue
-        if len(values) > SPAN and values[-SPAN] - new_value <= LEVEL * new_value:
+        if len(values) > SPAN and values[-SPAN] - new_value <= level * new_value:
             outcome = Outcome.SETTLED
             break
         history = _remember(history, share * step, new_gradient - gradient, parallel_for)

@@ -22,11 +22,11 @@ PATCHES, ROOM = 200, 900
 UNKNOWNS = 6
 
 
-SATURATED = (1.5, 2.1, 1.75)
+SATURATED = (1.5, 2.1, 1.55)
 """Noise counts as found where patches of twice the radius show less than so many times as much: from 2 to 4, 4 to 8 and
 8 to 16 edges. White noise grows by 1.0 to 1.1, a ripple of 7 points by 1.3 to 1.5 from 4 to 8; smooth sheets by 4 to 8,
 wrinkled or creased ones by 2.2 or more (camel_b 2.2, cloth 2.9, curved_fold 1.7 from 2 to 4), noise over 3
-points by 3.3."""
+points by 3.3. From 8 to 16 a crumpled sheet grows by 1.7 where its facets are 16 edges wide."""
 
 PATCH_OF_MESH = 4
 """Patches hold at most this part of the mesh's points."""

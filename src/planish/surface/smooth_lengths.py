@@ -17,7 +17,7 @@ from planish.surface.arc_lengths import lengths_over
 from planish.surface.flipped_faces import flipped_by_noise
 from planish.surface.local_quadrics import SAME_SIDE_OF_STEEP, average_normals, onto_quadrics
 from planish.surface.noise import FROM_MEAN, FROM_MEDIAN, angle_defects, local_sigma, noise_length, robust_sigma
-from planish.surface.noise_plan import CLEAN, plan_for_shared, plan_smoothing
+from planish.surface.noise_plan import CLEAN, Plan, plan_for_shared, plan_smoothing
 from planish.surface.normals import vertex_records
 from planish.surface.rays import GRAZING, move_along_rays
 from planish.surface.smooth_surface import MeasuredScan, Surface, find_surface, measure_scan
@@ -28,6 +28,10 @@ WORSE = 1.2
 """Lengths are refused if by them the sheet would buckle (mean angle defect) by more than so many times what it does
 raw, and a little. Right ones buckle half to a hundredth as much as raw ones; those of a coarse mesh whose points sit on
 its folds 30,000 times as much (crumpled_developable). Ripple that runs one way does not buckle raw: not asked there."""
+
+LONGEST_OF_WHITE = 6.0
+"""Length, in edges, of what may be taken away as white noise. Noise that is smoothed so reads 0.5 to 3; of a clean dome
+1.6 mm were taken for noise, 36 edges long. Halved, noise over 3 points on a wave would stay."""
 
 SHARED_LEFT = 0.6
 """Part of shared noise that is still in the page where points moved along their rays: its long waves, which look like
@@ -152,7 +156,7 @@ def smooth_lengths(points: Floats, faces: Ints, topology: Topology, *, eye: Floa
                 moved, left = _without_its_noise(scan, surface, eye, parallel_for)
             rest = lengths_over(moved, surface.normals, surface.bends, scan.edges, parallel_for)
             defects = angle_defects(rest, faces, topology, len(points), parallel_for)
-            if defects.sum() <= WORSE * raw_defects.sum() + tried.slack * len(defects):
+            if not _buckles_more(defects, raw_defects, tried) and not _is_shape(surface, scan, tried):
                 break
         else:
             return _without_noise(raw, surface, scan, buckling, Smoothing.REFUSED, len(spikes))
@@ -167,6 +171,21 @@ def smooth_lengths(points: Floats, faces: Ints, topology: Topology, *, eye: Floa
     return SmoothLengths(
         rest, surface.normals, noise, float(np.median(noise)), Smoothing.SMOOTHED, turned, left, length, len(spikes)
     )
+
+
+def _buckles_more(defects: Floats, raw_defects: Floats, plan: Plan) -> bool:
+    """Whether a sheet would buckle more by its new lengths than raw: on the whole, or typically if it is smoothed."""
+    if not len(defects) or math.isinf(plan.slack):
+        return False
+    if defects.sum() > WORSE * raw_defects.sum() + plan.slack * len(defects):
+        return True
+    return plan.rounds > 0 and float(np.median(defects)) > WORSE * float(np.median(raw_defects)) + CLEAN.slack
+
+
+def _is_shape(surface: Surface, scan: MeasuredScan, plan: Plan) -> bool:
+    """Whether what smoothing for white noise takes away is alike over so many points that it is the sheet's shape."""
+    white = plan.rounds > 0 and math.isfinite(plan.slack)
+    return white and noise_length(surface.off, scan.edges, scan.spacing) > LONGEST_OF_WHITE * scan.spacing
 
 
 def smooth_normals(mesh: Mesh, topology: Topology) -> NDArray[np.float32]:
