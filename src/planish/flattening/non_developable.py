@@ -37,8 +37,8 @@ DIRECT = 30_000
 """Points up to which sparse matrices are factored: half a second. A larger mesh begins from a sub-sampled one."""
 
 GREATEST = 0.7
-"""Part of the greatest strain as rigid as possible from which edges resist ten times as much. With 0.95 the worst edge of
-a lilium is strained by 23 %, not 17 (21.6 as rigid as possible); with 0.35 a hemisphere stays where it began."""
+"""Part of the greatest strain as rigid as possible from which edges resist ten times as much. With 0.95 the worst edge
+of a lilium is strained by 23 %, not 17 (21.6 as rigid as possible); with 0.35 a hemisphere stays where it began."""
 
 STILL = 1e-2
 """Median edges that the points of the next step would move by, rms, when the surface is at rest. A tenth of it lowers

@@ -36,8 +36,8 @@ NO_PAPER = 0.01
 mm of noise, in points 1.4 mm apart, ends at 0.6 %."""
 
 PREFERRED = 0.9
-"""Of two layouts of a surface that cannot lie flat the one whose worst edge is bounded is taken, up to 1 / this times the
-strain: on a hemisphere 11.9 % with 34 % at worst, not 11.8 with 40."""
+"""Of two layouts of a surface that cannot lie flat the one whose worst edge is bounded is taken, up to 1 / this times
+the strain: on a hemisphere 11.9 % with 34 % at worst, not 11.8 with 40."""
 
 MANY_TURNED = 0.01
 """Share of faces that noise turned over from which on it goes in all directions: 2 % and more at 0.05 mm of noise and

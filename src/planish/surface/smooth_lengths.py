@@ -72,6 +72,8 @@ class SmoothLengths:
         Distance over which the noise of two points is alike (their correlation is a half); None where there is none.
     spikes : int
         Points so far off their surroundings that they were not counted.
+    doubtful : bool
+        Whether the lengths were made without noise, and yet let the sheet buckle more in most places than the raw ones.
     """
 
     rest: Floats
@@ -83,6 +85,7 @@ class SmoothLengths:
     noise_left: float = 1.0
     noise_length_mm: float | None = None
     spikes: int = 0
+    doubtful: bool = False
 
 
 def smooth_lengths(points: Floats, faces: Ints, topology: Topology, *, eye: Floats | None = None) -> SmoothLengths:
@@ -168,18 +171,27 @@ def smooth_lengths(points: Floats, faces: Ints, topology: Topology, *, eye: Floa
         noise = FROM_MEAN * local_sigma(scan.points, np.abs(off), scan.spacing, parallel_for)
         length = noise_length(off, topology.edges, scan.spacing)
         turned = flipped_by_noise(moved if tried.move else scan.points, faces, surface.normals, parallel_for)
+        white = math.isfinite(tried.slack) and len(defects) > 0
+        doubtful = white and float(np.median(defects)) > WORSE * float(np.median(raw_defects))
     return SmoothLengths(
-        rest, surface.normals, noise, float(np.median(noise)), Smoothing.SMOOTHED, turned, left, length, len(spikes)
+        rest,
+        surface.normals,
+        noise,
+        float(np.median(noise)),
+        Smoothing.SMOOTHED,
+        turned,
+        left,
+        length,
+        len(spikes),
+        doubtful,
     )
 
 
 def _buckles_more(defects: Floats, raw_defects: Floats, plan: Plan) -> bool:
-    """Whether a sheet would buckle more by its new lengths than raw: on the whole, or typically if it is smoothed."""
+    """Whether a sheet would buckle more by its new lengths than it does raw."""
     if not len(defects) or math.isinf(plan.slack):
         return False
-    if defects.sum() > WORSE * raw_defects.sum() + plan.slack * len(defects):
-        return True
-    return plan.rounds > 0 and float(np.median(defects)) > WORSE * float(np.median(raw_defects)) + CLEAN.slack
+    return bool(defects.sum() > WORSE * raw_defects.sum() + plan.slack * len(defects))
 
 
 def _is_shape(surface: Surface, scan: MeasuredScan, plan: Plan) -> bool:

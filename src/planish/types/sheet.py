@@ -252,6 +252,8 @@ class Sticks:
         Distance over which the noise is alike, where there is any.
     spikes : int
         Points far off the surface, which were not counted.
+    doubtful : bool
+        Whether the lengths, though made without noise, let the sheet buckle more in most places than the raw ones.
     """
 
     pairs: Ints
@@ -264,6 +266,7 @@ class Sticks:
     normals: NDArray[np.float32] | None = None
     noise_length_mm: float | None = None
     spikes: int = 0
+    doubtful: bool = False
 
     __repr__ = one_line
 
