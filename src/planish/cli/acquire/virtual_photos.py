@@ -32,13 +32,13 @@ def write_photo_shoot(folder: Path, sheet: Sheet, *, small: bool = False) -> Pho
     make_folder(folder / "photos")
     names = [f"IMG_{k}.jpg" for k in range(len(shoot.photos))]
     for name, photo in zip(names, shoot.photos, strict=True):
-        write_bytes(folder / "photos" / name, _phone_jpeg(photo))
+        write_bytes(folder / "photos" / name, phone_jpeg(photo))
     cameras = {name: camera_as_json(camera) for name, camera in zip(names, shoot.cameras, strict=True) if camera}
     write_json(folder / "cameras.json", {"cameras": cameras, "note": "the true cameras of photos/*.jpg, in mm"})
     return shoot
 
 
-def _phone_jpeg(photo: NDArray) -> bytes:
+def phone_jpeg(photo: NDArray) -> bytes:
     """JPEG whose EXIF tells the focal length in whole millimetres of 35 mm film, as phones do."""
     import io
 
