@@ -1,15 +1,23 @@
 """The sheet apart from the table around it: cut where that is plain, and never a point of a sheet alone."""
 
+import json
+from dataclasses import replace
+
+import cv2
 import numpy as np
 import pytest
 
 import planish
 from planish.acquire.grid_mesh import grid_mesh
+from planish.cli.main import run
 from planish.document.surroundings import leave_out_surroundings
+from planish.errors import InputError
 from planish.gallery import sheet
 from planish.gallery.scene_view import aim_camera, render_view
+from planish.io import read_scan, write_scan
+from planish.pipeline import prepare
 from planish.settings import BinarizeSettings, RenderSettings, RestoreSettings, ShadingSettings
-from planish.types import Scan
+from planish.types import Scan, Texture
 
 CAMERA = aim_camera((0, -60, 620), (0, 0, 0), 520, (240, 320))
 QUICK = RestoreSettings(
@@ -20,14 +28,14 @@ QUICK = RestoreSettings(
 )
 
 
-def seen(name, table=70.0, with_table=True):
+def seen(name, table=70.0, with_table=True, camera=CAMERA):
     """A range image of a sheet of blank paper on its table, and a photo by the same camera."""
-    shown = render_view(sheet(name), CAMERA)
+    shown = render_view(sheet(name), camera)
     paper = np.isfinite(shown.page_xy[..., 0])
     levels = np.where(paper, 215.0, table) + np.random.default_rng(1).normal(0, 4, paper.shape)
     photo = np.repeat(np.clip(levels, 0, 255).astype(np.uint8)[..., None], 3, axis=2)
-    mesh, photo_xy = grid_mesh(np.where(with_table | paper[..., None], shown.points, np.nan), CAMERA)
-    return Scan(mesh, photo, photo_xy, CAMERA), paper[tuple(photo_xy.astype(int).T[::-1])]
+    mesh, photo_xy = grid_mesh(np.where(with_table | paper[..., None], shown.points, np.nan), camera)
+    return Scan(mesh, photo, photo_xy, camera), paper[tuple(photo_xy.astype(int).T[::-1])]
 
 
 @pytest.mark.parametrize("name", ["book", "letter", "wave"])
@@ -36,15 +44,16 @@ def test_a_table_around_the_sheet_is_left_out(name):
     alone, (warning,) = leave_out_surroundings(scan)
     assert warning.code == "surroundings-left-out"
     used = np.unique(alone.mesh.faces)
-    assert paper[used].mean() > 0.998  # nothing of the table
-    assert paper[used].sum() > 0.95 * paper.sum()  # but a pixel or two of the rim, 1.6 mm each
+    moved = (alone.mesh.points != scan.mesh.points).any(axis=1)
+    assert (paper | moved)[used].mean() > 0.998  # nothing of the table
+    assert paper[used].sum() > 0.98 * paper.sum()
 
 
 @pytest.mark.slow
 def test_the_page_has_its_size_instead_of_the_table_s():
     scan, _ = seen("book")
     done, whole = planish.restore(scan, QUICK), planish.restore(scan, planish.RestoreSettings(sheet="all"))
-    assert done.flattening.size_mm == pytest.approx((215.9, 279.4), abs=2.5)  # a pixel of 1.6 mm, seen aslant
+    assert done.flattening.size_mm == pytest.approx((215.9, 279.4), abs=2.5)  # a pixel of 1.6 mm, on the steep spine
     assert whole.flattening.size_mm[0] > 350
     assert done.report.warnings[0].code == "surroundings-left-out"
     assert len(done.flattening.page_xy) == len(scan.mesh.points)
@@ -76,3 +85,87 @@ def test_a_flat_sheet_in_the_plane_of_a_dark_frame_is_kept_and_told():
 def test_a_bright_table_is_not_cut_from_bright_paper():
     scan, _ = seen("book", table=190.0)
     assert leave_out_surroundings(scan) == (scan, [])
+
+
+def as_textures(scan):
+    """The same scan with its photo as four textures, a quarter of the view each."""
+    places = scan.photo_xy[scan.mesh.faces]
+    rows, cols = scan.photo.shape[:2]
+    middle = places.mean(axis=1)
+    number = (middle[:, 0] > cols / 2) + 2 * (middle[:, 1] > rows / 2)
+    images = tuple(Texture((rows, cols), 8, lambda: scan.photo) for _ in range(4))
+    return Scan(scan.mesh, photo_xy=places, textures=images, texture_of_face=number.astype(np.int32))
+
+
+def as_colours(scan):
+    column, row = scan.photo_xy.astype(int).T
+    return Scan(scan.mesh, colours=scan.photo[row, column])
+
+
+@pytest.mark.parametrize("shown", [as_textures, as_colours])
+@pytest.mark.parametrize("name", ["letter", "wave"])
+def test_textures_and_colours_of_points_tell_the_table_as_well(name, shown):
+    scan, paper = seen(name)
+    alone, (warning,) = leave_out_surroundings(shown(scan))
+    assert warning.code == "surroundings-left-out"
+    used = np.unique(alone.mesh.faces)
+    moved = (alone.mesh.points != scan.mesh.points).any(axis=1)
+    assert (paper | moved)[used].mean() > 0.995
+    assert paper[used].sum() > 0.97 * paper.sum()
+    bare, _ = seen(name, with_table=False)
+    assert leave_out_surroundings(shown(bare))[1] == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["letter", "crumpled"])
+def test_the_page_is_right_to_half_a_per_cent(name):
+    fine = aim_camera((0, -60, 620), (0, 0, 0), 460, (480, 640))  # a pixel is 0.8 mm
+    scan, _ = seen(name, camera=fine)
+    size = planish.restore(scan, QUICK, draw=False).flattening.size_mm
+    assert sorted(size) == pytest.approx([215.9, 279.4], rel=0.005)
+
+
+def test_a_mask_names_the_sheet_and_faces_end_at_its_outline():
+    scan, _ = seen("flat", with_table=True)
+    mask = np.zeros(scan.photo.shape[:2], bool)
+    mask[60:180, 90:250] = True
+    alone = prepare(replace(scan, sheet=mask)).scan
+    assert np.ptp(alone.photo_xy, axis=0) == pytest.approx([160, 120], abs=0.6)  # of a pixel
+    half = mask[::2, ::2]  # a mask of half the size
+    assert np.ptp(prepare(replace(scan, sheet=half)).scan.photo_xy, axis=0) == pytest.approx([160, 120], abs=1.2)
+
+
+def test_masks_that_do_not_fit_are_refused():
+    scan, _ = seen("flat")
+    with pytest.raises(InputError, match="black all over"):
+        replace(scan, sheet=np.zeros((240, 320)))
+    with pytest.raises(InputError, match="20 x 20 pixels, the photo 320 x 240"):
+        prepare(replace(scan, sheet=np.ones((20, 20), bool)))
+    corner = np.zeros((240, 320), bool)
+    corner[0, 0] = True
+    with pytest.raises(InputError, match=r"no part of the scan|belong together"):
+        prepare(Scan(scan.mesh, scan.photo, scan.photo_xy + 20, sheet=corner))
+    with pytest.raises(InputError, match="4 images"):
+        prepare(replace(as_textures(scan), sheet=corner))
+
+
+def test_flatten_and_restore_take_a_mask_and_leave_out_the_table(tmp_path):
+    scan, _ = seen("wave")
+    write_scan(tmp_path / "s.ply", scan)
+    mask = np.zeros((240, 320), np.uint8)
+    mask[90:150, 120:200] = 1  # a label, not white
+    cv2.imwrite(str(tmp_path / "mask.png"), mask)
+
+    def size(*options):
+        run(["flatten", f"{tmp_path}/s.ply", "-o", f"{tmp_path}/f.obj", "--report", f"{tmp_path}/r.json", *options])
+        page = json.loads((tmp_path / "r.json").read_text())["page"]
+        return sorted([page["width_mm"], page["height_mm"]])
+
+    assert size() == pytest.approx([215.9, 279.4], abs=2)
+    assert size("--sheet", "all")[0] > 350
+    height, along_the_wave = size("--sheet", f"{tmp_path}/mask.png")
+    assert height == pytest.approx(60 * 1.63, rel=0.03)  # mm a pixel on the table, less on the wave
+    assert 80 * 1.63 < along_the_wave < 1.2 * 80 * 1.63
+    assert len(read_scan(tmp_path / "f.obj").scan.mesh.points) == len(scan.mesh.points)
+    wrong = ["restore", f"{tmp_path}/s.ply", "-o", f"{tmp_path}/p.png", "--sheet", f"{tmp_path}/nothing.png"]
+    assert run(wrong) == 3

@@ -65,6 +65,8 @@ def batch(
         raise UsageError(f"--jobs must be at least 1, not {jobs}")
     if not timeout > 0:
         raise UsageError(f"--timeout must be greater than 0 seconds, not {timeout:g}")
+    if restore_options.sheet_mask is not None:
+        raise UsageError(f"--sheet is auto or all for a batch, not {restore_options.sheet}; a mask is for one photo")
     scan_list = read_list(scans) if scans.is_file() else find_items(scans)
     options = BatchOptions(
         settings=restore_options.settings(), files=files, pdfa=restore_options.pdfa, ocr=restore_options.ocr

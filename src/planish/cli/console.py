@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
 from planish.hints import as_flag
-from planish.types import Report
+from planish.types import Diagnostic, Report
 
 STAGE_LABELS = {
     "read": "Reading",
@@ -69,17 +69,35 @@ def progress_bar(*, quiet: bool) -> Iterator[Callable[[str, float], None]]:
         console.print(f"planish: note: compiling took {compiling.duration:.0f} s of this, which happens only once")
 
 
-def print_report(report: Report, written: list[str], *, quiet: bool, verbose: bool) -> None:
-    """Print warnings to stderr, and the report table if stdout is a terminal."""
+class EarlyNotes:
+    """Prints what reading found odd at once, before the work that it may make vain.
+
+    Attributes
+    ----------
+    printed : list of Diagnostic
+    """
+
+    def __init__(self, *, quiet: bool):
+        self.quiet = quiet
+        self.printed: list[Diagnostic] = []
+
+    def __call__(self, warnings: Sequence[Diagnostic]) -> None:
+        """Print warnings to stderr."""
+        _print_notes(warnings, quiet=self.quiet)
+        self.printed += warnings
+
+
+def print_report(
+    report: Report, written: list[str], *, quiet: bool, verbose: bool, printed: Sequence[Diagnostic] = ()
+) -> None:
+    """Print warnings that were not printed yet to stderr, and the report table if stdout is a terminal."""
     from rich.table import Table
 
     from planish.report import summary
 
-    errors = Console(stderr=True, highlight=False, soft_wrap=True, markup=False)
-    for warning in report.warnings:
-        if not quiet:
-            errors.print(f"planish: note: {warning.message(as_flag)}")
+    _print_notes([warning for warning in report.warnings if warning not in printed], quiet=quiet)
     if not report.settled:
+        errors = Console(stderr=True, highlight=False, soft_wrap=True, markup=False)
         errors.print(f"planish: {report.outcome} The result was written nevertheless.")
     if quiet or not (verbose or sys.stdout.isatty()):
         return
@@ -87,3 +105,10 @@ def print_report(report: Report, written: list[str], *, quiet: bool, verbose: bo
     for what, how_much in [*summary(report), *(("written", name) for name in written)]:
         table.add_row(what, how_much)
     Console(highlight=False, markup=False).print(table)
+
+
+def _print_notes(warnings: Sequence[Diagnostic], *, quiet: bool) -> None:
+    errors = Console(stderr=True, highlight=False, soft_wrap=True, markup=False)
+    for warning in warnings:
+        if not quiet:
+            errors.print(f"planish: note: {warning.message(as_flag)}")

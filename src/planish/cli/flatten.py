@@ -21,6 +21,7 @@ def flatten(
     flattening: Annotated[FlattenSettings, Parameter(name="*")] = FlattenSettings(),
     rotate: Rotation = "auto",
     viewpoint: tuple[float, float, float] | None = None,
+    sheet: str = "auto",
     report: Path | None = None,
     overwrite: bool = True,
     quiet: Quiet = False,
@@ -45,6 +46,9 @@ def flatten(
     viewpoint
         Where the scanner stood, x y z in mm in the coordinates of the mesh: noise is then removed along its rays. Range
         images that keep their rows and columns show it by themselves.
+    sheet
+        auto: leave out the table around the sheet where it is plainly one, with a note. all: keep the whole mesh. An
+        image: keep what it shows white, of the photo's size; black is 0.
     report
         Also write the report as JSON.
     overwrite
@@ -59,7 +63,7 @@ def flatten(
 
     import numpy as np
 
-    from planish.cli.console import print_report, progress_bar
+    from planish.cli.console import EarlyNotes, print_report, progress_bar
     from planish.io import all_or_nothing, check_flat_name, check_writable, read_scan, write_flat, write_json
     from planish.job import with_file_info
     from planish.pipeline import restore
@@ -68,15 +72,19 @@ def flatten(
     outputs = [path for path in (output, report) if path is not None]
     for path in outputs:
         check_writable(path, overwrite=overwrite)
+    notes = EarlyNotes(quiet=quiet)
     with progress_bar(quiet=quiet) as progress, all_or_nothing():
         start = perf_counter()
         progress("read", 0.0)
-        loaded = read_scan(mesh, units=units)
+        named = sheet not in ("auto", "all")
+        loaded = read_scan(mesh, units=units, sheet=sheet if named else None)
+        notes(loaded.warnings)
         read_seconds = perf_counter() - start
         restoration = restore(
-            replace(loaded.scan, photo=None, viewpoint=None if viewpoint is None else np.array(viewpoint)),
-            RestoreSettings(flatten=flattening, rotate=rotate),
+            replace(loaded.scan, viewpoint=None if viewpoint is None else np.array(viewpoint)),
+            RestoreSettings(flatten=flattening, rotate=rotate, sheet="auto" if sheet == "auto" else "all"),
             progress,
+            draw=False,
         )
         start = perf_counter()
         progress("write", 0.0)
@@ -91,5 +99,5 @@ def flatten(
         final_report = with_file_info(restoration.report, loaded, read_seconds, perf_counter() - start)
         if report is not None:
             write_json(report, final_report)
-    print_report(final_report, [str(path) for path in outputs], quiet=quiet, verbose=verbose)
+    print_report(final_report, [str(path) for path in outputs], quiet=quiet, verbose=verbose, printed=notes.printed)
     return final_report.settled

@@ -73,7 +73,7 @@ def restore(
     verbose
         Print the report table even if the output is piped.
     """
-    from planish.cli.console import print_report, progress_bar
+    from planish.cli.console import EarlyNotes, print_report, progress_bar
     from planish.job import Job, Outputs, run
 
     job = Job(
@@ -81,6 +81,7 @@ def restore(
         photo=tuple(photo or ()),
         camera=tuple(camera or ()),
         units=units,
+        sheet=restore_options.sheet_mask,
         settings=restore_options.settings(),
         outputs=Outputs(
             page=output,
@@ -96,7 +97,10 @@ def restore(
             overwrite=overwrite,
         ),
     )
+    notes = EarlyNotes(quiet=quiet)
     with progress_bar(quiet=quiet) as progress:
-        result = run(job, progress)
-    print_report(result.report, [str(path) for path in result.written], quiet=quiet, verbose=verbose)
+        result = run(job, progress, notes)
+    print_report(
+        result.report, [str(path) for path in result.written], quiet=quiet, verbose=verbose, printed=notes.printed
+    )
     return result.report.settled

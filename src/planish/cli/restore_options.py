@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
@@ -15,7 +16,6 @@ from planish.settings import (
     RestoreSettings,
     Rotation,
     ShadingSettings,
-    SheetRegion,
 )
 
 Flags = Parameter(name="*")
@@ -37,8 +37,9 @@ class RestoreOptions:
     pages : {"1", "2", "auto"}
         2: split an open book at its spine into a left and a right page, in one TIFF or PDF, or as NAME-1.png and
         NAME-2.png. auto: split only if the surface shows a clear spine and no line of text crosses it. 1: no split.
-    sheet : {"auto", "all"}
-        auto: leave out the table around the sheet where it is plainly one, with a note. all: keep the whole mesh.
+    sheet : {"auto", "all"} or an image
+        auto: leave out the table around the sheet where it is plainly one, with a note. all: keep the whole mesh. An
+        image: keep what it shows white, of the photo's size; black is 0.
     pdfa : bool
         Write PDFs as PDF/A-2b, for archives.
     ocr : str, optional
@@ -52,12 +53,20 @@ class RestoreOptions:
     binarize: Annotated[BinarizeSettings, Flags] = field(default_factory=BinarizeSettings)
     rotate: Rotation = "auto"
     pages: Pages = "1"
-    sheet: SheetRegion = "auto"
+    sheet: str = "auto"
     pdfa: Annotated[bool, Parameter(negative="")] = False
     ocr: str | None = None
 
     def settings(self) -> RestoreSettings:
         """Settings of the pipeline, without the options about files."""
+        from dataclasses import replace
+
         from planish.job.settings_codec import decode_settings
 
-        return decode_settings(RestoreSettings, self)
+        region = self.sheet if self.sheet in ("auto", "all") else "all"
+        return decode_settings(RestoreSettings, replace(self, sheet=region))
+
+    @property
+    def sheet_mask(self) -> Path | None:
+        """The image given as --sheet."""
+        return None if self.sheet in ("auto", "all") else Path(self.sheet)

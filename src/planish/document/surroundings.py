@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass
 
 import numpy as np
 
+from planish.document.cut import cut_to_outline, left_out_share
 from planish.document.rim import at_places, share_around, with_margin
 from planish.document.sheet_outline import find_sheet
+from planish.document.top_view import picture, top_view
+from planish.errors import InputError
 from planish.geometry import project
 from planish.geometry.axes import principal_axes
 from planish.geometry.resection import resect
 from planish.mesh import area_vectors
-from planish.types import Bools, Diagnostic, Floats, Mesh, Scan
+from planish.types import Bools, Diagnostic, Floats, Ints, Mesh, Pixels, Scan
 
 MIN_AREA = 0.05
 """Part of the scanned area that must be surroundings for them to be left out."""
@@ -34,11 +37,20 @@ MAX_SHEET_FLAT = 0.9
 flat sheet would look the same: then nothing is left out unasked."""
 
 
+@dataclass(frozen=True, eq=False)
+class _Picture:
+    """A picture of the scan, and where its points are on it; NaN where they are not known."""
+
+    pixels: Pixels
+    places: Floats
+
+
 def leave_out_surroundings(scan: Scan) -> tuple[Scan, list[Diagnostic]]:
     """Reduce a scan to the faces of its sheet, if the sheet plainly lies on a table.
 
-    The photo tells paper from ground (`find_sheet`); the ground must lie all around the sheet, and in one plane from
-    which the sheet rises. Anything less plain is kept: a sheet alone never loses a point.
+    The photo tells paper from ground (`find_sheet`), or, where the images are no view of the scene, the colours seen
+    straight from above; the ground must lie all around the sheet, and in one plane from which the sheet rises. Anything
+    less plain is kept: a sheet alone never loses a point.
 
     Parameters
     ----------
@@ -50,21 +62,21 @@ def leave_out_surroundings(scan: Scan) -> tuple[Scan, list[Diagnostic]]:
         With the same points; only faces are left out.
     warnings : list of Diagnostic
     """
-    places = _places(scan)
-    if scan.photo is None or places is None:
+    shown = _picture(scan)
+    if shown is None:
         return scan, []
-    mask = find_sheet(scan.photo, whole=True)
+    mask = find_sheet(shown.pixels, whole=True)
     if mask is None:
         return scan, []
     near = with_margin(mask)
     scale = near.shape[1] / mask.shape[1]
-    faces = scan.mesh.faces
+    faces, places = scan.mesh.faces, shown.places
     outside = np.asarray(~at_places(near, places, scale)[faces].any(axis=1))
     area = np.linalg.norm(area_vectors(scan.mesh.points, faces), axis=1)
     share = float(area[outside].sum() / max(area.sum(), np.finfo(float).tiny))
     if share < MIN_AREA or share_around(near, places[faces[outside][:, 0]], scale) < MIN_AROUND:
         return scan, []
-    inside = np.asarray(at_places(mask, places)[faces].all(axis=1))
+    inside = at_places(mask, places[faces].mean(axis=1))
     flat_ground, flat_sheet = _flat_shares(scan.mesh, outside, inside)
     if flat_ground < MIN_FLAT or not inside.any():
         return scan, []
@@ -72,17 +84,59 @@ def leave_out_surroundings(scan: Scan) -> tuple[Scan, list[Diagnostic]]:
         sentence = (
             f"{100 * share:.0f} % of the scan may be ground around the sheet, in the same plane; all of it was kept"
         )
-        return scan, [Diagnostic("surroundings-doubtful", sentence, "cut the mesh to the sheet if that is so")]
-    photo_xy = scan.photo_xy
-    kept = replace(
-        scan,
-        mesh=Mesh(scan.mesh.points, faces[inside]),
-        photo_xy=photo_xy[inside] if photo_xy is not None and photo_xy.ndim == 3 else photo_xy,
-        texture_of_face=None if scan.texture_of_face is None else scan.texture_of_face[inside],
-    )
-    cut = float(area[~inside].sum() / area.sum())
+        hint = "give {sheet} as an image that is white on the sheet if that is so"
+        return scan, [Diagnostic("surroundings-doubtful", sentence, hint)]
+    kept, left_out = cut_to_outline(scan, mask, places)
+    cut = left_out_share(scan.mesh, left_out)
     sentence = f"the sheet lies on a table, and {100 * cut:.0f} % of the scan around it were left out"
     return kept, [Diagnostic("surroundings-left-out", sentence, "set {sheet=all} to keep them")]
+
+
+def cut_to_mask(scan: Scan) -> tuple[Scan, list[Diagnostic]]:
+    """Reduce a scan to the faces that lie on its mask, `scan.sheet`, an image of the photo's proportions.
+
+    Raises
+    ------
+    InputError
+        Where the mask is not of the photo's proportions, the scan has no single photo, or no face lies on the mask.
+    """
+    mask = scan.sheet
+    assert mask is not None
+    shape = scan.camera.shape_rc if scan.camera is not None else mask.shape
+    shape = shape if scan.photo is None else scan.photo.shape
+    if scan.textures or (scan.camera is None and scan.photo_xy is None):
+        what = f"{len(scan.textures)} images" if scan.textures else "no photo"
+        raise InputError(
+            f"the sheet is given as a mask on the photo, but the scan has {what}", "give {photo} and its {camera}"
+        )
+    if abs(mask.shape[0] * shape[1] / (mask.shape[1] * shape[0]) - 1) > 0.01:
+        raise InputError(
+            f"the mask of the sheet is {mask.shape[1]} x {mask.shape[0]} pixels, the photo {shape[1]} x {shape[0]}; "
+            "give a mask of the photo's size"
+        )
+    places = scan.photo_xy
+    if places is None:
+        assert scan.camera is not None
+        places = project(scan.camera, scan.mesh.points)
+    places = _per_point(places, scan.mesh.faces, len(scan.mesh.points))
+    kept, left_out = cut_to_outline(scan, mask, (places + 0.5) * (mask.shape[1] / shape[1]) - 0.5)
+    if left_out.all():
+        raise InputError("no part of the scan lies on the mask of the sheet; do mask and photo belong together?")
+    cut = left_out_share(scan.mesh, left_out)
+    sentence = f"{100 * cut:.0f} % of the scan lie outside of the mask of the sheet and were left out"
+    return kept, [Diagnostic("surroundings-left-out", sentence)]
+
+
+def _picture(scan: Scan) -> _Picture | None:
+    """The photo where it is one view of the scene, else the scan's colours seen from above."""
+    places = _places(scan)
+    if scan.photo is not None and places is not None:
+        return _Picture(scan.photo, places)
+    if not scan.has_picture or not len(scan.mesh.faces):
+        return None
+    view = top_view(scan)
+    pixels = picture(scan, view)
+    return None if pixels is None else _Picture(pixels, view.places)
 
 
 def _places(scan: Scan) -> Floats | None:
@@ -90,18 +144,25 @@ def _places(scan: Scan) -> Floats | None:
     points, photo_xy = scan.mesh.points, scan.photo_xy
     if scan.camera is not None and photo_xy is None:
         return project(scan.camera, points)
-    if photo_xy is None:
+    if photo_xy is None or scan.textures:
         return None
     if photo_xy.ndim == 3:
-        corner, places = scan.mesh.faces.ravel(), photo_xy.reshape(-1, 2)
-        photo_xy = np.full((len(points), 2), np.nan)
-        photo_xy[corner] = places
-        if np.nanmax(np.abs(photo_xy[corner] - places), initial=0.0) > 1.0:  # a pixel
+        corners, photo_xy = photo_xy, _per_point(photo_xy, scan.mesh.faces, len(points))
+        if np.nanmax(np.abs(photo_xy[scan.mesh.faces] - corners), initial=0.0) > 1.0:  # a pixel
             return None
     known = np.isfinite(photo_xy).all(axis=1) & np.isfinite(points).all(axis=1)
     if scan.camera is None and (known.sum() < len(points) // 2 or resect(points[known], photo_xy[known]) is None):
         return None
     return photo_xy
+
+
+def _per_point(photo_xy: Floats, faces: Ints, count: int) -> Floats:
+    """(n, 2) the places of points; of those with several, that of one corner."""
+    if photo_xy.ndim == 2:
+        return photo_xy
+    places = np.full((count, 2), np.nan)
+    places[faces.ravel()] = photo_xy.reshape(-1, 2)
+    return places
 
 
 def _flat_shares(mesh: Mesh, outside: Bools, inside: Bools) -> tuple[float, float]:

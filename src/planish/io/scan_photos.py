@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from planish.errors import InputError
 from planish.io.filemesh import FileMesh
 from planish.io.files import read_bytes
-from planish.io.images import Photo, decode_photo
+from planish.io.images import Photo, decode_photo, read_photo
 from planish.io.polygons import Polygons, uv_of_points
 from planish.io.textures import Image
 from planish.io.uv_charts import OUTSIDE
-from planish.types import Diagnostic, Floats, Ints, Pixels, Texture
+from planish.types import Bools, Diagnostic, Floats, Ints, Pixels, Texture
 
 KEPT_BYTES = 600e6
 """So many bytes of decoded textures stay in memory; further ones are decoded again whenever they are drawn (0.7 s for
@@ -194,3 +194,18 @@ def outside_warning(path: Path, polygons: Polygons) -> list[Diagnostic]:
         f"{path}: {outside} of {len(polygons.corners)} face corners have texture coordinates outside 0 to 1, so the"
     )
     return [Diagnostic("texture-outside-photo", f"{sentence} photo does not show them")]
+
+
+def read_sheet_mask(path: str | Path) -> Bools:
+    """Read the mask of a sheet: true where the image is not 0; of a JPEG, whose black is never quite so, above 127.
+
+    Raises
+    ------
+    InputError
+        If the image cannot be read, or is black all over.
+    """
+    pixels = read_photo(path).pixels.max(axis=2)
+    mask = np.asarray(pixels > (127 if Path(path).suffix.lower() in (".jpg", ".jpeg") else 0))
+    if not mask.any():
+        raise InputError(f"{path} is black all over; paint it white where the sheet is")
+    return mask

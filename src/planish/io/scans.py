@@ -18,7 +18,7 @@ from planish.io.files import recording_digests
 from planish.io.images import Photo, stored_shape
 from planish.io.meshes import read_mesh
 from planish.io.polygons import Polygons, triangulate
-from planish.io.scan_photos import decode_image, only_image, places_on_photo, read_textures
+from planish.io.scan_photos import decode_image, only_image, places_on_photo, read_sheet_mask, read_textures
 from planish.io.textures import Image, no_images
 from planish.io.units import Unit, decide_unit, mm_per_unit
 from planish.io.views import Files, listed, matched
@@ -61,6 +61,7 @@ def read_scan(
     camera: Files = None,
     units: str = "auto",
     inside: str | Path | None = None,
+    sheet: str | Path | None = None,
 ) -> ReadScan:
     """Read a scan.
 
@@ -81,6 +82,8 @@ def read_scan(
     inside : str or Path, optional
         For scans from strangers: the only folder from which files are read that the mesh itself names (materials,
         buffers, images, also through links); others count as missing. By default they may lie anywhere.
+    sheet : str or Path, optional
+        Image that is white (not 0) where the photo shows the sheet; what lies elsewhere is surroundings.
 
     Raises
     ------
@@ -88,8 +91,11 @@ def read_scan(
         If a file is missing, damaged, of the wrong kind, or the files do not belong together.
     """
     with recording_digests() as digests:
-        scan = _read_scan(Path(path), photo, camera, units, None if inside is None else Path(inside))
-    return replace(scan, digests=digests)
+        read = _read_scan(Path(path), photo, camera, units, None if inside is None else Path(inside))
+        if sheet is not None:
+            masked = replace(read.scan, sheet=read_sheet_mask(sheet))
+            read = replace(read, scan=masked, sources=(*read.sources, Path(sheet)))
+    return replace(read, digests=digests)
 
 
 def _read_scan(path: Path, photo: Files, camera: Files, units: str, inside: Path | None) -> ReadScan:

@@ -57,6 +57,8 @@ class Job:
         Needed where the scan file does not reference them.
     units : str
         Unit of the scan's coordinates.
+    sheet : Path or None
+        Image that is white (not 0) where the photo shows the sheet.
     inside : Path or None
         For untrusted scans: files that the scan references are read from this folder only.
     settings : RestoreSettings
@@ -67,5 +69,6 @@ class Job:
     photo: tuple[Path, ...] = ()
     camera: tuple[Path, ...] = ()
     units: Units = "auto"
+    sheet: Path | None = None
     inside: Path | None = None
     settings: RestoreSettings = field(default_factory=RestoreSettings)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
@@ -24,7 +25,7 @@ from planish.job.job import Job
 from planish.job.page_files import check_pages, page_files, recognize_text, write_page_files
 from planish.job.stage_images import write_certificate, write_stages
 from planish.pipeline import Progress, restore
-from planish.types import Report
+from planish.types import Diagnostic, Report
 from planish.view import view_page
 
 _WITHOUT_PHOTO = (
@@ -76,7 +77,11 @@ def check(job: Job) -> None:
         check_writable(path, overwrite=out.overwrite)
 
 
-def run(job: Job, progress: Progress | None = None) -> JobResult:
+def run(
+    job: Job,
+    progress: Progress | None = None,
+    announce: Callable[[Sequence[Diagnostic]], None] | None = None,
+) -> JobResult:
     """Read a scan, restore it, and write all outputs together at the end.
 
     Parameters
@@ -84,6 +89,8 @@ def run(job: Job, progress: Progress | None = None) -> JobResult:
     job : Job
     progress : callable, optional
         Called with (stage, fraction done).
+    announce : callable, optional
+        Called with the warnings of reading, before the long computation begins.
 
     Raises
     ------
@@ -112,6 +119,8 @@ def run(job: Job, progress: Progress | None = None) -> JobResult:
         start = perf_counter()
         progress("read", 0.0)
         loaded = _read_scan(job)
+        if announce is not None:
+            announce(loaded.warnings)
         sources = fingerprints(loaded.sources, loaded.digests)
         read_seconds = perf_counter() - start
         restoration = restore(loaded.scan, job.settings, progress, way_up)
@@ -175,6 +184,7 @@ def _read_scan(job: Job) -> ReadScan:
         camera=list(job.camera) or None,
         units=job.units,
         inside=job.inside,
+        sheet=job.sheet,
     )
     if not loaded.scan.has_picture:
         why = "".join(f"; {warning.message()}" for warning in loaded.warnings if warning.code in _WITHOUT_PHOTO)

@@ -9,6 +9,7 @@ import numpy as np
 
 from planish.document import SURE, detect_orientation, gutter_of_surface, skew_angle
 from planish.flattening import direction_of_growth, to_page_frame, turned
+from planish.pipeline.huge import quick_dpi
 from planish.render import PhotoView, moved_view, preview
 from planish.settings import RestoreSettings, Rotation
 from planish.types import Flattening, Page, PreparedScan
@@ -66,7 +67,7 @@ def orient_by_text(
     views : list of PhotoView
         Of the page as it is now; no pixel has been filtered.
     """
-    page = preview(views[0], flat.size_mm, PREVIEW_DPI, icc)
+    page = preview(views[0], flat.size_mm, quick_dpi(PREVIEW_DPI, flat.size_mm), icc)
     quarter, confidence = detect_orientation(page, prior)
     read = read_orientation(page) if read_orientation and confidence < SURE else None
     quarter = quarter if read is None else read

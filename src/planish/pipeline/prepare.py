@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from planish.document.surroundings import leave_out_surroundings
+from planish.document.surroundings import cut_to_mask, leave_out_surroundings
 from planish.geometry.viewpoint import viewpoint
 from planish.mesh import repair
 from planish.settings import SheetRegion
 from planish.surface import smooth_normals
-from planish.types import PreparedScan, Scan
+from planish.types import Diagnostic, PreparedScan, Scan
 
 
 def prepare(scan: Scan, sheet: SheetRegion = "all", *, close_slits: bool = True) -> PreparedScan:
@@ -19,7 +19,7 @@ def prepare(scan: Scan, sheet: SheetRegion = "all", *, close_slits: bool = True)
     ----------
     scan : Scan
     sheet : {"auto", "all"}
-        Whether a table around the sheet is left out where it is plainly one.
+        Whether a table around the sheet is left out where it is plainly one; `scan.sheet`, a mask, has precedence.
     close_slits : bool
         See `planish.mesh.repair`.
 
@@ -34,7 +34,7 @@ def prepare(scan: Scan, sheet: SheetRegion = "all", *, close_slits: bool = True)
     InputError
         Where the scan is not a sheet that can be flattened; see `planish.mesh.repair`.
     """
-    alone, warnings = leave_out_surroundings(scan) if sheet == "auto" else (scan, [])
+    alone, warnings = _sheet_alone(scan, sheet)
     repaired = repair(alone, close_slits=close_slits)
     kept = repaired.scan
     eye = kept.viewpoint
@@ -43,7 +43,13 @@ def prepare(scan: Scan, sheet: SheetRegion = "all", *, close_slits: bool = True)
     return replace(
         repaired,
         source=scan,
-        warnings=(*warnings, *repaired.warnings),
+        warnings=(*warnings, *(w for w in repaired.warnings if not warnings or w.code != "points-loose")),
         viewpoint=eye,
         find_normals=smooth_normals,
     )
+
+
+def _sheet_alone(scan: Scan, sheet: SheetRegion) -> tuple[Scan, list[Diagnostic]]:
+    if scan.sheet is not None:
+        return cut_to_mask(scan)
+    return leave_out_surroundings(scan) if sheet == "auto" else (scan, [])

@@ -10,6 +10,7 @@ from planish.binarize import binarize
 from planish.document import find_gutter
 from planish.illumination import EvenlyLit, ShadingFit, remove_shading
 from planish.pipeline.flatten import flatten_prepared, in_file_order
+from planish.pipeline.huge import bounded_dpi
 from planish.pipeline.orient import OrientationReader, orient_by_shape, orient_by_text
 from planish.pipeline.prepare import prepare
 from planish.pipeline.stages import Progress, StageTimer, no_progress
@@ -36,6 +37,7 @@ class _Drawn:
     rendered: Rendered | None = None
     lit: EvenlyLit | None = None
     spine: Spine | None = None
+    warnings: tuple[Diagnostic, ...] = ()
 
 
 def restore(
@@ -43,6 +45,8 @@ def restore(
     settings: RestoreSettings | None = None,
     progress: Progress | None = None,
     read_orientation: OrientationReader | None = None,
+    *,
+    draw: bool = True,
 ) -> Restoration:
     """Flatten a scan and draw its page.
 
@@ -55,6 +59,8 @@ def restore(
         Called with (stage, share done).
     read_orientation : callable, optional
         Asked which way up the page is where the shapes of the letters do not tell; see `OrientationReader`.
+    draw : bool
+        False: only the geometry is done, and the photo tells the sheet from its surroundings at most.
 
     Raises
     ------
@@ -77,7 +83,7 @@ def restore(
         prepared, flat = flatten_prepared(prepared, s.flatten, share, s.sheet)
     with stage("turn"):
         flat = orient_by_shape(prepared, flat, s)
-    flat, drawn = _draw(prepared, flat, s, stage, read_orientation) if scan.has_picture else (flat, _Drawn())
+    flat, drawn = _draw(prepared, flat, s, stage, read_orientation) if draw and scan.has_picture else (flat, _Drawn())
     rendered, lit = drawn.rendered, drawn.lit
     with stage("measure"):
         report = build_report(
@@ -125,8 +131,9 @@ def _draw(
         views = photo_views(sheet, flat.page_xy, flat.size_mm)
         if s.rotate == "auto":
             flat, views = orient_by_text(flat, views, read_orientation, prepared.source.upright, sheet.icc)
+    render_settings, warnings = bounded_dpi(s.render, flat.size_mm, max(view.resolution.median_ppi for view in views))
     with stage("render"):
-        rendered = render_page(views, flat.size_mm, s.render, sheet.icc)
+        rendered = render_page(views, flat.size_mm, render_settings, sheet.icc)
     if s.pages != "1":
         with stage("split"):
             spine = find_gutter(sheet.mesh, flat.page_xy, rendered.page, always=s.pages == "2")
@@ -134,14 +141,14 @@ def _draw(
         with stage("unshade"):
             normals = prepared.normals if flat.normals is None else flat.normals
             lit = remove_shading(rendered.page, sheet, flat.page_xy, normals, s.shading)
-    return flat, _Drawn(rendered, lit, spine)
+    return flat, _Drawn(rendered, lit, spine, tuple(warnings))
 
 
 def _warnings(drawn: _Drawn, pages: Pages) -> list[Diagnostic]:
     """What a user should know of the drawing stages."""
     if drawn.rendered is None:
         return []
-    warnings = list(drawn.lit.fit.warnings) if drawn.lit else []
+    warnings = [*drawn.warnings, *(drawn.lit.fit.warnings if drawn.lit else ())]
     spine = drawn.spine
     if spine is None:
         one = Diagnostic("gutter-not-found", "no spine is plain on the sheet, so it stays one page")

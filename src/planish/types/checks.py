@@ -8,10 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planish.errors import InputError
-from planish.types.arrays import Floats, Ints, Pixels, frozen_copy
+from planish.types.arrays import Bools, Floats, Ints, Pixels, frozen_copy
 
 _ROUNDING = 1e-6
 """How far floating photos may lie outside 0 to 1: rounding of float32."""
+
+_LEAST_PHOTO = 8
+"""Photos of fewer pixels may have all of a sheet within one pixel."""
 
 
 def check_points(given: object) -> Floats:
@@ -117,6 +120,65 @@ def check_photo_xy(given: object, points: int, faces: int) -> Floats:
             "x y of every corner of every face"
         )
     return frozen_copy(array.astype(np.float64, copy=False), given)
+
+
+def check_mask(given: object) -> Bools:
+    """The mask of a sheet as (rows, cols) bool, read-only: true where it is not 0.
+
+    Raises
+    ------
+    InputError
+        For another shape, or a mask that is 0 all over.
+    """
+    is_bool = isinstance(given, np.ndarray) and given.dtype == bool
+    array = np.asarray(given) if is_bool else _numbers(given, "the mask of the sheet", "an image (rows, cols)")
+    if array.ndim == 3:
+        array = np.asarray(array.any(axis=2))
+    if array.ndim != 2 or not array.size:
+        raise InputError(f"the mask of the sheet has the shape {array.shape}; (rows, cols) is wanted")
+    if not array.any():
+        raise InputError("the mask of the sheet is black all over; paint it white where the sheet is")
+    return frozen_copy(array.astype(bool, copy=False), given)
+
+
+def check_places_on(photo: Pixels, photo_xy: Floats) -> None:
+    """Refuse places that cannot be pixels of a photo.
+
+    Raises
+    ------
+    InputError
+        Where they are texture coordinates from 0 to 1, or none lies on the photo.
+    """
+    places = photo_xy[np.isfinite(photo_xy).all(axis=-1)]
+    if not len(places):
+        return
+    rows, cols = photo.shape[:2]
+    low, high = places.min(axis=0), places.max(axis=0)
+    if low.min() >= 0 and high.max() <= 1 and len(places) > 3 and min(rows, cols) > _LEAST_PHOTO:
+        raise InputError(
+            f"photo_xy runs from {low.min():g} to {high.max():g}, but the photo is {cols} x {rows} pixels; pixels are "
+            "wanted, x right and y down",
+            "of texture coordinates: (u * columns - 0.5, (1 - v) * rows - 0.5)",
+        )
+    if not ((places > -1) & (places < [cols, rows])).all(axis=1).any():
+        raise InputError(
+            f"no part of the sheet falls on the photo: photo_xy runs from ({low[0]:.0f}, {low[1]:.0f}) to "
+            f"({high[0]:.0f}, {high[1]:.0f}), and the photo is {cols} x {rows} pixels"
+        )
+
+
+def check_camera_size(photo: Pixels, shape_rc: tuple[int, int]) -> None:
+    """Refuse a camera whose numbers are for a photo of another size.
+
+    Raises
+    ------
+    InputError
+    """
+    if photo.shape[:2] != tuple(shape_rc):
+        raise InputError(
+            f"the photo is {photo.shape[1]} x {photo.shape[0]} pixels, but the camera is for one of {shape_rc[1]} x "
+            f"{shape_rc[0]}; give the camera of this photo"
+        )
 
 
 def check_place(given: object, what: str) -> Floats:

@@ -12,7 +12,16 @@ from numpy.typing import NDArray
 from planish.display.one_line import one_line, shape_of
 from planish.errors import InputError
 from planish.types.arrays import Bools, Floats, Ints, Pixels, freeze, frozen_copy, trusted
-from planish.types.checks import check_faces, check_photo, check_photo_xy, check_place, check_points
+from planish.types.checks import (
+    check_camera_size,
+    check_faces,
+    check_mask,
+    check_photo,
+    check_photo_xy,
+    check_place,
+    check_places_on,
+    check_points,
+)
 from planish.types.diagnostic import Diagnostic
 from planish.types.texture import Texture
 
@@ -171,6 +180,8 @@ class Scan:
         Of the points, to be drawn where there is neither a photo nor a texture.
     viewpoint : (3,) float64 [mm] or None
         Where the scanner's rays come from, if it is known that its errors lie along them.
+    sheet : (h, w) bool or None
+        Where `photo` shows the sheet, of its size or proportions; faces elsewhere are left out.
     """
 
     mesh: Mesh
@@ -184,6 +195,7 @@ class Scan:
     texture_of_face: Ints | None = None
     colours: Pixels | None = None
     viewpoint: Floats | None = None
+    sheet: Bools | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.mesh, Mesh):
@@ -193,8 +205,14 @@ class Scan:
         if self.photo_xy is not None:
             places = check_photo_xy(self.photo_xy, len(self.mesh.points), len(self.mesh.faces))
             object.__setattr__(self, "photo_xy", places)
+            if self.photo is not None:
+                check_places_on(self.photo, places)
+        if self.photo is not None and self.camera is not None:
+            check_camera_size(self.photo, self.camera.shape_rc)
         if self.viewpoint is not None:
             object.__setattr__(self, "viewpoint", check_place(self.viewpoint, "the viewpoint"))
+        if self.sheet is not None:
+            object.__setattr__(self, "sheet", check_mask(self.sheet))
         for name in ("texture_of_face", "colours"):
             given = getattr(self, name)
             if given is not None:

@@ -1,0 +1,176 @@
+"""A scan cut along the outline of its sheet, between its points where the outline runs between them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from scipy import ndimage
+from scipy.spatial import cKDTree
+
+from planish.document.rim import at_places
+from planish.mesh import area_vectors
+from planish.types import Bools, Floats, Ints, Mesh, Scan
+
+NEIGHBOURS = 12
+"""Points of the sheet from which a point of its outline is extrapolated: three rows of a range image. With half of it
+noise of 0.3 mm makes the rim ragged by as much; with twice as many it is straight where the paper curls."""
+
+SURE_PX = 1.0
+"""Points nearer to the outline than this may be mixtures of paper and table, and nothing is extrapolated from them."""
+
+HANGING = 1.5
+"""Edges longer than this, in usual edges of the sheet, hang between sheet and table. Those of a grid have up to 1.4."""
+
+LONG_PX = 1600
+"""Long side of the mask on which distances to the outline are measured."""
+
+SMOOTH_PX = 0.7
+"""The outline of a mask runs in steps of a pixel; smoothed by this it is straight to a tenth of one."""
+
+
+def cut_to_outline(scan: Scan, mask: Bools, places: Floats) -> tuple[Scan, Bools]:
+    """Keep what of a scan lies on a mask; faces that cross its outline end there.
+
+    The outer corners of such faces lie on the table, or the faces hang between it and the sheet: these corners are
+    moved to the outline, on the continuation of the sheet.
+
+    Parameters
+    ----------
+    scan : Scan
+    mask : (rows, cols) bool
+    places : (n, 2) float64 [px]
+        Of the points on the mask.
+
+    Returns
+    -------
+    scan : Scan
+        With the same points, of which those beside the outline are moved, and fewer faces.
+    left_out : (m,) bool
+        Faces of the source that are not in it.
+    """
+    depth = _depth_at(mask, places)
+    faces = scan.mesh.faces
+    inside = at_places(mask, places) & (depth > 0)
+    kept = inside[faces].any(axis=1)
+    kept &= np.isfinite(scan.mesh.points[faces]).all(axis=(1, 2)) & np.isfinite(places[faces]).all(axis=(1, 2))
+    ends = faces[kept][:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    ends = np.concatenate([ends, ends[:, ::-1]])
+    ends = ends[inside[ends[:, 0]] & ~inside[ends[:, 1]]]
+    points, photo_xy = scan.mesh.points, scan.photo_xy
+    if len(ends) and inside.any():
+        edges = _Edges(points, depth, _typical_length(points, faces, inside))
+        outer, at = _crossings(ends, edges, places)
+        points = points.copy()
+        points[outer] = _continued(points, places, inside & (depth >= SURE_PX), inside, at)
+        if photo_xy is not None:
+            photo_xy = _moved_places(photo_xy, faces, inside, edges)
+    cut = replace(
+        scan,
+        mesh=Mesh(points, faces[kept]),
+        photo_xy=photo_xy[kept] if photo_xy is not None and photo_xy.ndim == 3 else photo_xy,
+        texture_of_face=None if scan.texture_of_face is None else scan.texture_of_face[kept],
+        sheet=None,
+    )
+    return cut, np.asarray(~kept)
+
+
+def left_out_share(mesh: Mesh, left_out: Bools) -> float:
+    """Part of a mesh's area."""
+    area = np.linalg.norm(area_vectors(mesh.points, mesh.faces), axis=1)
+    return float(np.nansum(area[left_out]) / max(np.nansum(area), np.finfo(float).tiny))
+
+
+def _depth_at(mask: Bools, places: Floats) -> Floats:
+    """(n,) distance of places inside of the outline [mask px]; negative outside, NaN where there is no place."""
+    scale = min(1.0, LONG_PX / max(mask.shape))
+    small = mask
+    if scale < 1:
+        size = max(1, round(mask.shape[1] * scale)), max(1, round(mask.shape[0] * scale))
+        small = cv2.resize(mask.astype(np.uint8) * 255, size, interpolation=cv2.INTER_AREA) > 127
+    padded = np.pad(small, 2)
+    signed = ndimage.distance_transform_edt(padded) - ndimage.distance_transform_edt(~padded)
+    signed -= 0.5 * np.sign(signed)  # between the centres of two pixels
+    signed = ndimage.gaussian_filter(signed, SMOOTH_PX)
+    at = (places[:, ::-1] + 0.5) * scale - 0.5 + 2
+    known = np.isfinite(at).all(axis=1)
+    depth = np.full(len(places), np.nan)
+    depth[known] = ndimage.map_coordinates(signed, at[known].T, order=1, mode="nearest") / scale
+    return depth
+
+
+@dataclass(frozen=True, eq=False)
+class _Edges:
+    """What tells where an edge crosses the outline: points, their distances inside of it, and the usual length."""
+
+    points: Floats
+    depth: Floats
+    typical_mm: float
+
+    def parts(self, inner: Ints, outer: Ints) -> Floats:
+        """(k, 1) parts of edges that lie on the sheet.
+
+        Of a long edge, which hangs from the raised rim of the sheet down to the table, no more than half a usual one: a
+        picture from above shows its colours spread over all of its length.
+        """
+        part = self.depth[inner] / np.maximum(self.depth[inner] - self.depth[outer], 1e-9)
+        length = np.linalg.norm(self.points[outer] - self.points[inner], axis=1)
+        most = np.where(length > HANGING * self.typical_mm, 0.5 * self.typical_mm / np.maximum(length, 1e-9), 1.0)
+        return np.asarray(np.clip(part, 0, most)[:, None])
+
+
+def _typical_length(points: Floats, faces: Ints, inside: Bools) -> float:
+    """Median length of the edges within the sheet."""
+    ends = faces[inside[faces].all(axis=1)][:, [0, 1, 1, 2]].reshape(-1, 2)
+    return float(np.median(np.linalg.norm(np.diff(points[ends], axis=1)[:, 0], axis=1))) if len(ends) else np.inf
+
+
+def _crossings(ends: Ints, edges: _Edges, places: Floats) -> tuple[Ints, Floats]:
+    """Where edges from inside to outside cross the outline: the outer points, and for each the mean place."""
+    inner, outer = ends.T
+    crossing = places[inner] + edges.parts(inner, outer) * (places[outer] - places[inner])
+    rows, number, count = np.unique(outer, return_inverse=True, return_counts=True)
+    at = np.stack([np.bincount(number, crossing[:, k]) / count for k in (0, 1)], axis=1)
+    return rows.astype(np.int32), at
+
+
+def _continued(points: Floats, places: Floats, sure: Bools, inside: Bools, at: Floats) -> Floats:
+    """(k, 3) the sheet at places on its outline: planes through the nearest of its points."""
+    known = sure if sure.sum() >= NEIGHBOURS else inside
+    rows = np.flatnonzero(known)
+    distance, near = cKDTree(places[known]).query(at, min(NEIGHBOURS, len(rows)))
+    near, distance = near.reshape(len(at), -1), distance.reshape(len(at), -1)
+    around = points[rows[near]]
+    offset = (places[rows[near]] - at[:, None]) / np.maximum(distance.max(axis=1), 1e-9)[:, None, None]
+    terms = np.concatenate([np.ones((*near.shape, 1)), offset], axis=2)
+    normal = np.matmul(terms.swapaxes(1, 2), terms)
+    normal[:, [1, 2], [1, 2]] += 1e-3 * near.shape[1]  # points in one line tell no slope across it
+    middle = around.mean(axis=1, keepdims=True)
+    fitted = np.linalg.solve(normal, np.matmul(terms.swapaxes(1, 2), around - middle))
+    return np.asarray(middle[:, 0] + fitted[:, 0])
+
+
+def _moved_places(photo_xy: Floats, faces: Ints, inside: Bools, edges: _Edges) -> Floats:
+    """The places on the photo or the textures, those of outer corners moved to the outline."""
+    moved = photo_xy.copy()
+    corners = photo_xy if photo_xy.ndim == 3 else photo_xy[faces]
+    crossing = inside[faces].any(axis=1) & ~inside[faces].all(axis=1)
+    total, count = np.zeros((len(inside), 2)), np.zeros(len(inside))
+    for a in range(3):
+        towards, weight = np.zeros((len(faces), 2)), np.zeros(len(faces))
+        for b in ((a + 1) % 3, (a + 2) % 3):
+            use = crossing & inside[faces[:, b]] & ~inside[faces[:, a]]
+            part = edges.parts(faces[use, b], faces[use, a])
+            towards[use] += corners[use, b] + part * (corners[use, a] - corners[use, b])
+            weight[use] += 1
+        use = weight > 0
+        if photo_xy.ndim == 3:
+            moved[use, a] = towards[use] / weight[use, None]
+        else:
+            for k in (0, 1):
+                total[:, k] += np.bincount(faces[use, a], towards[use, k], len(inside))
+            count += np.bincount(faces[use, a], weight[use], len(inside))
+    if photo_xy.ndim == 2:
+        moved[count > 0] = total[count > 0] / count[count > 0, None]
+    return moved
