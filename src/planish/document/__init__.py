@@ -1,5 +1,6 @@
 """Document analysis: orientation, skew, page split, ink, and the outline of a sheet in a photo."""
 
+from planish.document.mirrored import reads_backwards
 from planish.document.orientation import SURE, detect_orientation, skew_angle
 from planish.document.page_split import find_gutter, gutter_of_surface, split_pages
 
@@ -8,6 +9,7 @@ __all__ = [
     "detect_orientation",
     "find_gutter",
     "gutter_of_surface",
+    "reads_backwards",
     "skew_angle",
     "split_pages",
 ]

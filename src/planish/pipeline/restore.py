@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cache, partial
 
 from planish.binarize import binarize
-from planish.document import find_gutter
+from planish.document import find_gutter, reads_backwards
 from planish.illumination import EvenlyLit, ShadingFit, remove_shading
 from planish.pipeline.flatten import flatten_prepared, in_file_order
 from planish.pipeline.huge import bounded_dpi
@@ -134,6 +134,7 @@ def _draw(
     render_settings, warnings = bounded_dpi(s.render, flat.size_mm, max(view.resolution.median_ppi for view in views))
     with stage("render"):
         rendered = render_page(views, flat.size_mm, render_settings, sheet.icc)
+        warnings += _mirrored(rendered.page)
     if s.pages != "1":
         with stage("split"):
             spine = find_gutter(sheet.mesh, flat.page_xy, rendered.page, always=s.pages == "2")
@@ -142,6 +143,14 @@ def _draw(
             normals = prepared.normals if flat.normals is None else flat.normals
             lit = remove_shading(rendered.page, sheet, flat.page_xy, normals, s.shading)
     return flat, _Drawn(rendered, lit, spine, tuple(warnings))
+
+
+def _mirrored(page: Page) -> list[Diagnostic]:
+    """A warning where the text reads backwards."""
+    if not reads_backwards(page):
+        return []
+    sentence = "the text reads backwards (or from right to left): the photo or the scan may be mirrored"
+    return [Diagnostic("text-mirrored", sentence, "if so, mirror the photo and the scan, or export without mirroring")]
 
 
 def _warnings(drawn: _Drawn, pages: Pages) -> list[Diagnostic]:
