@@ -56,7 +56,7 @@ def reads_backwards(page: Page) -> bool:
     Examples
     --------
     >>> from planish.gallery import typeset_page
-    >>> page, _ = typeset_page(105, 148, dpi=150)
+    >>> page, _ = typeset_page(216, 279, dpi=100)
     >>> reads_backwards(page), reads_backwards(Page(page.pixels[:, ::-1], page.known, page.dpi))
     (False, True)
     """

@@ -83,7 +83,7 @@ def rim_drops(bright: Floats, mask: Bools, seen: Bools) -> Floats:
     >>> column = np.tile(np.arange(200.0), (100, 1))
     >>> edge, fall = np.where(column < 100, 2.0, 1.0), 2 - np.clip((column - 60) / 80, 0, 1)
     >>> [round(float(np.median(rim_drops(b, column < 100, np.ones((100, 200), bool)))), 2) for b in (edge, fall)]
-    [1.0, 0.08]
+    [1.0, 0.05]
     """
     outside = seen & ~mask
     if not outside.any() or not mask.any():
