@@ -8,7 +8,7 @@ import pytest
 import planish
 from planish.document import reads_backwards
 from planish.gallery import sheet, typeset_page, virtual_scan
-from planish.settings import RenderSettings, RestoreSettings, ShadingSettings
+from planish.settings import RenderSettings, RestoreSettings
 from planish.types import Page
 
 PAGE = typeset_page(216, 279, dpi=150)[0]
@@ -48,7 +48,7 @@ def test_lines_flush_on_both_sides_and_centred_lines_say_nothing():
 @pytest.mark.slow
 def test_a_scan_with_a_mirrored_photo_is_told():
     scan = virtual_scan(sheet("book"), points=4000, photo_px=(1600, 1200)).scan
-    settings = RestoreSettings(render=RenderSettings(dpi=150), shading=ShadingSettings(shading="none"))
+    settings = RestoreSettings(render=RenderSettings(dpi=150))
     points = scan.mesh.points * [-1, 1, 1]
     mirrored = replace(
         scan,

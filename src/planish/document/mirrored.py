@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from planish.document.ink import Ink, ink_of
-from planish.document.orientation import SURE, detect_orientation
+from planish.document.orientation import detect_orientation
 from planish.types import Floats, Page
 
 INK = 0.35
@@ -41,6 +41,13 @@ FLUSH_RATIO = 4.0
 """At least so many lines end flush on one side only, and so many times as many as on the other, where that side tells
 anything: pages of left-aligned or justified text have 4 : 0 to 25 : 0 and 14 : 1; an unflattened photo 12 : 5."""
 
+LOOKED_AT_DPI = (100.0, 150.0)
+"""Resolutions at which a page is asked for its way up. At one alone, shaded print of 60 ppi may be taken for upside
+down with a confidence of 0.6."""
+
+UPRIGHT = 0.7
+"""Mean confidence with which all of them must agree: evenly lit pages of text have 0.76 to 0.98."""
+
 
 def reads_backwards(page: Page) -> bool:
     """Whether the text of a page is plainly mirrored, left to right.
@@ -64,8 +71,20 @@ def reads_backwards(page: Page) -> bool:
     side = _by_letters(_leanings(ink)) or _by_lines(ink)
     if not side:
         return False
-    degrees, confidence = detect_orientation(page)
-    return bool(confidence > SURE and degrees in (0, 180) and (side > 0) == (degrees == 0))
+    found = [detect_orientation(_at_dpi(page, dpi)) for dpi in LOOKED_AT_DPI]
+    degrees = {turn for turn, _ in found}
+    if len(degrees) > 1 or np.mean([confidence for _, confidence in found]) < UPRIGHT:
+        return False
+    return degrees == {0 if side > 0 else 180}
+
+
+def _at_dpi(page: Page, dpi: float) -> Page:
+    scale = dpi / page.dpi
+    pixels = page.pixels.astype(np.uint8) * np.uint8(255) if page.pixels.dtype == bool else page.pixels
+    way = cv2.INTER_AREA if scale < 1 else cv2.INTER_CUBIC
+    resized = cv2.resize(pixels, None, fx=scale, fy=scale, interpolation=way)
+    known = cv2.resize(page.known.astype(np.uint8), resized.shape[1::-1], interpolation=cv2.INTER_NEAREST)
+    return Page(resized, known > 0, dpi)
 
 
 def _by_letters(leaning: Floats) -> int:

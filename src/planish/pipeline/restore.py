@@ -134,7 +134,6 @@ def _draw(
     render_settings, warnings = bounded_dpi(s.render, flat.size_mm, max(view.resolution.median_ppi for view in views))
     with stage("render"):
         rendered = render_page(views, flat.size_mm, render_settings, sheet.icc)
-        warnings += _mirrored(rendered.page)
     if s.pages != "1":
         with stage("split"):
             spine = find_gutter(sheet.mesh, flat.page_xy, rendered.page, always=s.pages == "2")
@@ -142,6 +141,8 @@ def _draw(
         with stage("unshade"):
             normals = prepared.normals if flat.normals is None else flat.normals
             lit = remove_shading(rendered.page, sheet, flat.page_xy, normals, s.shading)
+    with stage("turn"):
+        warnings += _mirrored(lit.page if lit else rendered.page)
     return flat, _Drawn(rendered, lit, spine, tuple(warnings))
 
 

@@ -14,7 +14,7 @@ _ROUNDING = 1e-6
 """How far floating photos may lie outside 0 to 1: rounding of float32."""
 
 _LEAST_PHOTO = 8
-"""Photos of fewer pixels may have all of a sheet within one pixel."""
+"""Least side of a photo whose places are checked: of fewer pixels a sheet may fill one."""
 
 
 def check_points(given: object) -> Floats:
@@ -150,11 +150,11 @@ def check_places_on(photo: Pixels, photo_xy: Floats) -> None:
         Where they are texture coordinates from 0 to 1, or none lies on the photo.
     """
     places = photo_xy[np.isfinite(photo_xy).all(axis=-1)]
-    if not len(places):
-        return
     rows, cols = photo.shape[:2]
+    if not len(places) or min(rows, cols) < _LEAST_PHOTO:
+        return
     low, high = places.min(axis=0), places.max(axis=0)
-    if low.min() >= 0 and high.max() <= 1 and len(places) > 3 and min(rows, cols) > _LEAST_PHOTO:
+    if low.min() >= 0 and high.max() <= 1 and len(places) > 3:
         raise InputError(
             f"photo_xy runs from {low.min():g} to {high.max():g}, but the photo is {cols} x {rows} pixels; pixels are "
             "wanted, x right and y down",

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from planish.acquire.grid_mesh import NOISE_STEPS, STEEPEST, AcquiredScan, grid_mesh
+from planish.acquire.range_image.ray_check import depth_direction_warnings
 from planish.acquire.range_image.steps import depth_step, step_warnings, with_rounding
 from planish.document.sheet_outline import sheet_mask
 from planish.errors import InputError
@@ -35,13 +37,14 @@ def from_depth(
     photo_camera: Camera | None = None,
     *,
     mask: Bools | str | None = "auto",
+    depth_along: Literal["z", "ray"] = "z",
 ) -> AcquiredScan:
     """Make a scan from depth maps and a colour photo.
 
     Parameters
     ----------
     frames : sequence of (rows, cols) float64 [mm]
-        Depth along the camera's axis; 0 or NaN where there is none. Frames of the same static scene are averaged.
+        0 or NaN where there is none. Frames of the same static scene are averaged.
     camera : Camera
         The depth camera.
     photo : (h, w, 3) uint8 or uint16
@@ -50,12 +53,16 @@ def from_depth(
         size, or scaled by one factor.
     mask : (h, w) bool, "auto" or None
         Sheet on the photo. auto: bright paper on a darker background, if it stands out; None: everything.
+    depth_along : {"z", "ray"}
+        Whether depths are measured along the camera's axis or along each pixel's line of sight.
 
     Raises
     ------
     InputError
         If maps differ in size, have no depth, or do not fit the cameras.
     """
+    if depth_along == "ray":
+        frames = [along_axis(frame, camera) for frame in frames]
     stack = _stack_frames(frames, camera)
     seen_from = _photo_camera(camera, photo, photo_camera)
     depth, agreement = average_frames(stack)
@@ -68,7 +75,10 @@ def from_depth(
     sheet, warnings = sheet_mask(photo, mask, project(seen_from, seen[np.isfinite(seen).all(axis=1)]))
     warnings = [*warnings, *step_warnings(step_mm)]
     if sheet is not None:
+        known = np.isfinite(points).all(axis=2)
         points = apply_mask(points, seen_from, sheet)
+        ground = np.asarray(known & ~np.isfinite(points).all(axis=2))
+        warnings += depth_direction_warnings(depth, camera, ground, depth_along)
     mesh, pixel_xy = grid_mesh(points, camera, noise_mm=noise_mm)
     column, row = pixel_xy.astype(int).T
     scan = Scan(mesh, photo, project(seen_from, mesh.points), seen_from)

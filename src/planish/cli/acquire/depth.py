@@ -55,7 +55,7 @@ def depth(
         Region of the sheet in the photo: an image that is white there; auto: bright paper on a darker background; none:
         the whole photo.
     """
-    from planish.acquire.range_image.depth import along_axis, from_depth
+    from planish.acquire.range_image.depth import from_depth
     from planish.cli.console import progress_bar
     from planish.io import read_camera, read_depths, read_photo, scaled_camera
 
@@ -67,14 +67,14 @@ def depth(
         photo_shape = photo_image.pixels.shape[:2]
         depth_camera = read_camera(camera, photo_shape=photo_shape, warnings=warnings)
         depth_camera = scaled_camera(depth_camera, frames[0].shape) or depth_camera
-        if depth_along == "ray":
-            frames = [along_axis(frame, depth_camera) for frame in frames]
         seen_from = None
         if photo_camera:
             seen_from = read_camera(photo_camera, photo.name, photo_shape=photo_shape, warnings=warnings)
             seen_from = scaled_camera(seen_from, photo_shape) or seen_from
         progress("acquire", 0.0)
-        acquired = from_depth(frames, depth_camera, photo_image.pixels, seen_from, mask=sheet_mask(mask))
+        acquired = from_depth(
+            frames, depth_camera, photo_image.pixels, seen_from, mask=sheet_mask(mask), depth_along=depth_along
+        )
         progress("write", 0.0)
         written = write_acquired(acquired, files)
     if frames:
