@@ -42,7 +42,7 @@ def row(
 ) -> str:
     prepared = repair(scan)
     flat = flatten(prepared.scan.mesh, prepared.topology, settings, eye=eye)
-    kept = prepared.place >= 0
+    kept = prepared.mesh_rows >= 0
     true = rigid_rms(flat.page_xy[prepared.mesh_rows[kept]], truth[kept])
     expected = float(np.sqrt(np.mean(flat.error_mm**2)))
     return (

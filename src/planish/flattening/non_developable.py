@@ -76,7 +76,13 @@ def distortion(xy: Floats, faces: Ints, topo: Topology, edge_rest: Floats) -> Di
 
 
 def solve_non_developable(
-    mesh: Mesh, topo: Topology, edge_rest: Floats, piece: Ints, parallel_for: ParallelFor, max_steps: int
+    mesh: Mesh,
+    topo: Topology,
+    edge_rest: Floats,
+    piece: Ints,
+    parallel_for: ParallelFor,
+    max_steps: int,
+    start: Floats | None = None,
 ) -> tuple[Floats, Outcome, Floats]:
     """Lay any surface with a border flat, with little strain and no face turned over where that can be.
 
@@ -90,6 +96,8 @@ def solve_non_developable(
         Points that hang together have the same number.
     parallel_for : callable
     max_steps : int
+    start : (n, 2) float64 [mm], optional
+        A layout that is right but for single points; by default as rigid as possible.
 
     Returns
     -------
@@ -100,7 +108,7 @@ def solve_non_developable(
     residuals : (steps + 1,) float64
         Root mean square strain of the edges before and after each step, the penalty on thin faces counted in.
     """
-    start = _first_layout(mesh, topo, edge_rest, piece)
+    start = _first_layout(mesh, topo, edge_rest, piece) if start is None else start
     median = median_edge(edge_rest)
     weight = median / np.maximum(edge_rest, SHORTEST * median)
     net = make_net(Sticks(topo.edges, edge_rest, weight, len(edge_rest)), parallel_for)
