@@ -23,7 +23,7 @@ from planish.mesh import topology
 from planish.parallel import thread_pool
 from planish.settings import MultigridSettings
 from planish.sticks import make_sticks, strain
-from planish.types import Mesh, Outcome, Scan, Sticks
+from planish.types import Doubt, Mesh, Outcome, Scan, Sticks
 from shapes import arch, grid, rigid_rms
 
 
@@ -151,15 +151,15 @@ def test_a_few_faces_on_their_back_do_not_drag_the_sheet():
     assert ours.strain < 0.045  # 0.034; turned over at the end, point by point, 0.065
 
 
-@pytest.mark.parametrize(("doubtful", "taken"), [(True, "unfolded"), (False, "smooth")])
-def test_doubtful_lengths_give_way_to_raw_ones_that_strain_the_page_less(monkeypatch, doubtful, taken):
+@pytest.mark.parametrize(("doubt", "taken"), [(Doubt.BUCKLES, "unfolded"), (None, "smooth")])
+def test_doubtful_lengths_give_way_to_raw_ones_that_strain_the_page_less(monkeypatch, doubt, taken):
     uv, faces = grid(20, 15)
     mesh, found = Mesh(arch(uv), faces), topology(faces, len(uv))
 
     def with_wrong_smooth_lengths(mesh, found, lengths, *, eye=None):
         sticks = make_sticks(mesh, found, lengths, eye=eye)
         wrong = 1 + 0.005 * np.random.default_rng(2).normal(size=len(sticks.rest))
-        return replace(sticks, rest=wrong * sticks.rest, doubtful=doubtful) if lengths == "smooth" else sticks
+        return replace(sticks, rest=wrong * sticks.rest, doubt=doubt) if lengths == "smooth" else sticks
 
     monkeypatch.setattr("planish.flattening.make_sticks", with_wrong_smooth_lengths)
     assert flatten(mesh, found).lengths == taken

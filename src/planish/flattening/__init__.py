@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from time import perf_counter
@@ -29,7 +30,7 @@ from planish.mesh import (
 )
 from planish.settings import FlattenSettings
 from planish.sticks import make_sticks, strain
-from planish.types import Diagnostic, Flattening, Floats, Mesh, Sticks
+from planish.types import Diagnostic, Doubt, Flattening, Floats, Mesh, Sticks
 
 __all__ = [
     "Solution",
@@ -49,10 +50,17 @@ SMOOTHED_AS_PAPER = 0.5
 """Lengths without noise presuppose paper. Where a sheet cannot lie flat by them (`stick_solver.NO_PAPER`) the lengths
 in space are tried too, and taken unless they strain the page more than twice as much: on a camel, whose bends were
 taken for noise, 7.0 % and 6.9 %; on a printed relief in steps of noise, 0.5 % and 11.8 %."""
-DOUBTFUL = 1e-3
-"""Strain from which doubtful lengths without noise (`Sticks.doubtful`) are held against raw ones, taken if they strain
-the page less: the facets of a curved fold, taken for noise, leave 0.145 %, raw lengths 0.09. Noise over 3 points
-leaves doubtful lengths too, which are right, and strain a book by 0.02 and a wave by 0.04 %."""
+BUCKLED = 1e-3
+"""Strain from which lengths by which a sheet buckles more than raw (`Doubt.BUCKLES`) are held against raw ones. Those
+are taken if they strain the page less: the facets of a curved fold, taken for noise, leave 0.145 %, raw lengths 0.09.
+Noise over 3 points raises the same doubt, but strains a book by 0.02 and a wave by 0.04 %."""
+
+RAW_LIES_FLAT, STRONG_POINTS = 0.02, 30_000
+"""Strong noise that neighbours share (`Doubt.STRONG`) is none where raw lengths strain the page by no more than this: a
+coarse crumpled sheet is strained by 1.1 to 1.75 % (1,000 to 6,000 points, 1 to 2.5 mm out by raw lengths and 4.4 to 5.1
+without its folds), pieces of walls and boards under real noise by 2.5 % (scan-waves) to 15. Not asked of larger meshes,
+whose facets are told from noise (`surface.noise_plan.FOLDED`)."""
+
 OVERHANG = 0.005
 """Share of a sheet that may face the table before a mesh laid over it from above is said not to show it."""
 
@@ -110,13 +118,11 @@ def flatten(
         sticks = make_sticks(sheet, sheet_topo, lengths, eye=eye)
         solve = _by_verlet if s.method == "verlet" else _by_multigrid
         solved = solve(sheet, sheet_topo, sticks, s, progress)
-        smoothed = s.method == "multigrid" and lengths == "smooth" and not _is_rough(sticks)
-        strained = solved.residuals[-1] > NO_PAPER
-        if smoothed and (strained or (sticks.doubtful and _edge_strain(solved.xy, sticks, sheet_topo)[0] > DOUBTFUL)):
+        if s.method == "multigrid" and lengths == "smooth" and _try_raw(solved, sticks, sheet_topo):
             raw = make_sticks(sheet, sheet_topo, "unfolded")
             again = solve(sheet, sheet_topo, raw, s, progress)
             ours, theirs = (_edge_strain(*one, sheet_topo)[0] for one in ((solved.xy, sticks), (again.xy, raw)))
-            if ours > (SMOOTHED_AS_PAPER if strained else 1.0) * theirs:
+            if ours > _believed_up_to(solved, sticks, theirs):
                 lengths, sticks, solved = "unfolded", raw, again
     flat = solved.xy if coarse is None else prolongate(coarse, mesh.points, solved.xy)
     (left, low), (right, top) = bounds(flat)
@@ -158,6 +164,24 @@ def _edge_strain(xy: Floats, sticks: Sticks, topo: Topology | None) -> tuple[flo
     if topo is not None:
         rest = np.where(edges_with_area(rest, topo.face_edges), rest, 0.0)
     return strain(xy, sticks.pairs[: sticks.edges], rest)
+
+
+def _try_raw(solved: Solution, sticks: Sticks, topo: Topology) -> bool:
+    """Whether lengths without noise are to be held against raw ones."""
+    if sticks.doubt is Doubt.STRONG:
+        return len(solved.xy) <= STRONG_POINTS
+    if _is_rough(sticks):
+        return False
+    if solved.residuals[-1] > NO_PAPER:
+        return True
+    return sticks.doubt is Doubt.BUCKLES and _edge_strain(solved.xy, sticks, topo)[0] > BUCKLED
+
+
+def _believed_up_to(solved: Solution, sticks: Sticks, strain_of_raw: float) -> float:
+    """Strain of the page up to which lengths without noise are kept, beside that of the page by raw lengths."""
+    if sticks.doubt is Doubt.STRONG:
+        return 0.0 if strain_of_raw < RAW_LIES_FLAT else math.inf
+    return (SMOOTHED_AS_PAPER if solved.residuals[-1] > NO_PAPER else 1.0) * strain_of_raw
 
 
 def _is_rough(sticks: Sticks) -> bool:

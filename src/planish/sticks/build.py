@@ -60,7 +60,7 @@ def make_sticks(mesh: Mesh, topology: Topology, lengths: Lengths = "smooth", *, 
         normals=None if smoothed is None else smoothed.normals,
         noise_length_mm=None if smoothed is None else smoothed.noise_length_mm,
         spikes=0 if smoothed is None else smoothed.spikes,
-        doubtful=smoothed is not None and smoothed.doubtful,
+        doubt=None if smoothed is None else smoothed.doubt,
     )
 
 

@@ -22,7 +22,7 @@ from planish.surface.normals import vertex_records
 from planish.surface.rays import GRAZING, move_along_rays
 from planish.surface.smooth_surface import MeasuredScan, Surface, find_surface, measure_scan
 from planish.surface.spikes import find_spikes
-from planish.types import Bools, Floats, Ints, Mesh
+from planish.types import Bools, Doubt, Floats, Ints, Mesh
 
 WORSE = 1.2
 """Lengths are refused if by them the sheet would buckle (mean angle defect) by more than so many times what it does
@@ -76,8 +76,8 @@ class SmoothLengths:
         Distance over which the noise of two points is alike (their correlation is a half); None where there is none.
     spikes : int
         Points so far off their surroundings that they were not counted.
-    doubtful : bool
-        Whether the lengths were made without noise, and yet let the sheet buckle more in most places than the raw ones.
+    doubt : Doubt or None
+        Why the lengths, if made without noise, are to be held against raw ones.
     """
 
     rest: Floats
@@ -89,7 +89,7 @@ class SmoothLengths:
     noise_left: float = 1.0
     noise_length_mm: float | None = None
     spikes: int = 0
-    doubtful: bool = False
+    doubt: Doubt | None = None
 
 
 def smooth_lengths(points: Floats, faces: Ints, topology: Topology, *, eye: Floats | None = None) -> SmoothLengths:
@@ -175,8 +175,9 @@ def smooth_lengths(points: Floats, faces: Ints, topology: Topology, *, eye: Floa
         noise = FROM_MEAN * local_sigma(scan.points, np.abs(off), scan.spacing, parallel_for)
         length = noise_length(off, topology.edges, scan.spacing)
         turned = flipped_by_noise(moved if tried.move else scan.points, faces, surface.normals, parallel_for)
-        white = math.isfinite(tried.slack) and len(defects) > 0
-        doubtful = white and float(np.median(defects)) > WORSE * float(np.median(raw_defects))
+        doubt = Doubt.STRONG if scan.points is not original else None
+        if math.isfinite(tried.slack) and len(defects) and np.median(defects) > WORSE * np.median(raw_defects):
+            doubt = Doubt.BUCKLES
     return SmoothLengths(
         rest,
         surface.normals,
@@ -187,7 +188,7 @@ def smooth_lengths(points: Floats, faces: Ints, topology: Topology, *, eye: Floa
         left,
         length,
         len(spikes),
-        doubtful,
+        doubt,
     )
 
 

@@ -20,7 +20,7 @@ from planish.types.report import (
     ShadingReport,
     Spine,
 )
-from planish.types.sheet import Camera, Flattening, Mesh, Outcome, Scan, Sticks, View
+from planish.types.sheet import Camera, Doubt, Flattening, Mesh, Outcome, Scan, Sticks, View
 from planish.types.summary import summary
 from planish.types.texture import Texture
 
@@ -29,6 +29,7 @@ __all__ = [
     "Camera",
     "Criterion",
     "Diagnostic",
+    "Doubt",
     "FlattenReport",
     "Flattening",
     "Floats",

@@ -246,6 +246,13 @@ class Scan:
         return self.photo is not None or bool(self.textures) or self.colours is not None
 
 
+class Doubt(Enum):
+    """Why what was taken for noise may be the sheet's shape; the value says it in a few words."""
+
+    BUCKLES = "by the new lengths the sheet buckles more in most places than by the raw ones"
+    STRONG = "noise as large as the edges, which neighbours share, looks like folds and facets"
+
+
 @dataclass(frozen=True, eq=False)
 class Sticks:
     """Pairs of points and the distance that each pair must keep: (p1 - p0).(p1 - p0) = rest**2 (eq. 1).
@@ -270,8 +277,8 @@ class Sticks:
         Distance over which the noise is alike, where there is any.
     spikes : int
         Points far off the surface, which were not counted.
-    doubtful : bool
-        Whether the lengths, though made without noise, let the sheet buckle more in most places than the raw ones.
+    doubt : Doubt or None
+        Why lengths that were made without noise are to be held against raw ones.
     """
 
     pairs: Ints
@@ -284,7 +291,7 @@ class Sticks:
     normals: NDArray[np.float32] | None = None
     noise_length_mm: float | None = None
     spikes: int = 0
-    doubtful: bool = False
+    doubt: Doubt | None = None
 
     __repr__ = one_line
 
