@@ -43,3 +43,15 @@ def test_rounding_alone_is_noise_of_a_step_over_the_root_of_twelve():
     points, faces, _ = plane(60, 60, 1.0, 0.0, tilt=0.37, step=0.5)
     flat = flatten(points, faces)
     assert flat.noise_mm > 0.5 * 0.5 / 12**0.5
+
+
+def test_noise_that_is_white_nearby_and_shared_at_length_is_followed():
+    """As of a depth camera before the two faces of a box, folded by a right angle, points 2 mm apart."""
+    rng = np.random.default_rng(0)
+    noise = 0.6 * rng.standard_normal((90, 70)) + 1.2 * blurred((90, 70), 1.5, rng)
+    points, faces, true = plane(90, 70, 2.0, noise, tilt=0.0)
+    along = (points[:, 1] - 89) / 2**0.5
+    points[:, 1], points[:, 2] = along, points[:, 2] - np.abs(along)
+    flat = flatten(points, faces)
+    np.testing.assert_allclose(sorted(flat.size_mm)[::-1], sorted(true)[::-1], rtol=0.015)  # 3.5 % too long before
+    assert 0.6 < flat.noise_mm < 2.7  # 1.34 in truth

@@ -96,7 +96,7 @@ CLEAN = Plan(0, 0.0, CLEAN_SLACK)
 def plan_smoothing(scan: MeasuredScan, buckling: float, parallel_for: ParallelFor) -> Plan:
     """Tell white noise, shared noise and none, and note in the scan's rows where there is more and less of it."""
     step = median_edge(scan.rows, scan.edges)
-    scale = noise_scale(scan.points, scan.rows, scan.ring, BUCKLED * scan.spacing, parallel_for)
+    scale = noise_scale(scan.points, scan.rows, scan.ring, scan.spacing, BUCKLED * scan.spacing, parallel_for)
     noisy = _is_noisy(buckling, step)
     strong = scale.height > STRONG * scan.spacing
     if strong and scale.alike > SHARED and _mean_step(scan) > FOLDED * step:
