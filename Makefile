@@ -5,7 +5,7 @@ BIN    := $(VENV)/bin
 READY  := $(VENV)/.ready
 PYTEST := $(BIN)/python -m pytest -q --numprocesses auto --dist loadfile --no-loadscope-reorder
 SECONDS := 600
-READERS := obj ply gltf tifxyz images depths captures cameras lasers clouds meshes foreign_cameras
+READERS := obj ply gltf tifxyz images depths captures cameras lasers clouds meshes foreign_cameras usd packed_gltf phone_photos
 
 .PHONY: demo test quick lint bench view fuzz docs site dist clean
 

@@ -202,3 +202,11 @@ def test_a_bomb_in_a_zip_is_refused(tmp_path):
     (tmp_path / "bomb.3mf").write_bytes(data)
     with pytest.raises(InputError, match=r"bomb\.3mf"):
         read_scan(tmp_path / "bomb.3mf")
+
+
+@pytest.mark.parametrize("data", [b'#usda 1.0\n\xe0(\n"', b'#usda 1.0\ndef Mesh "a\xe0b" { \xff }\n'])
+def test_a_usd_whose_damage_is_no_text_is_refused_in_one_sentence(tmp_path, data):
+    pytest.importorskip("pxr")
+    (tmp_path / "sheet.usda").write_bytes(data)
+    with pytest.raises(InputError, match="damaged or cut short$"):
+        read_scan(tmp_path / "sheet.usda")

@@ -49,10 +49,16 @@ def read_usd(path: Path, data: bytes, inside: Path | None = None) -> FileMesh:
         except InputError:
             raise
         except (Tf.ErrorException, RuntimeError, ValueError, TypeError, IndexError) as problem:
-            reason = " ".join(str(problem).split())[:100]
-            raise InputError(f"{path} is a USD file, but damaged or cut short: {reason}") from problem
+            raise InputError(f"{path} is a USD file, but damaged or cut short{_reason(problem)}") from problem
     plain = {1.0: "m", 0.01: "cm", 0.001: "mm", 0.0254: "in"}.get(round(per_unit, 9), f"{per_unit:.9g}m")
     return joined(path, [part for part in parts if part is not None], plain)
+
+
+def _reason(problem: Exception) -> str:
+    try:
+        return ": " + " ".join(str(problem).split())[:100]
+    except UnicodeDecodeError:  # the library quotes the damaged bytes
+        return ""
 
 
 def _part(path: Path, archive: Zip | None, inside: Path | None, prim: Any, geom: Any, shade: Any) -> Part | None:
