@@ -208,5 +208,5 @@ def test_a_bomb_in_a_zip_is_refused(tmp_path):
 def test_a_usd_whose_damage_is_no_text_is_refused_in_one_sentence(tmp_path, data):
     pytest.importorskip("pxr")
     (tmp_path / "sheet.usda").write_bytes(data)
-    with pytest.raises(InputError, match="damaged or cut short$"):
+    with pytest.raises(InputError, match=r"damaged or cut short$"):
         read_scan(tmp_path / "sheet.usda")

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from planish.document.cut import cut_to_outline, left_out_share
+from planish.document.raised import raised_sheet
 from planish.document.rim import at_places, share_around, with_margin
 from planish.document.sheet_outline import find_sheet
 from planish.document.top_view import picture, top_view
@@ -49,8 +50,9 @@ def leave_out_surroundings(scan: Scan) -> tuple[Scan, list[Diagnostic]]:
     """Reduce a scan to the faces of its sheet, if the sheet plainly lies on a table.
 
     The photo tells paper from ground (`find_sheet`), or, where the images are no view of the scene, the colours seen
-    straight from above; the ground must lie all around the sheet, and in one plane from which the sheet rises. Anything
-    less plain is kept: a sheet alone never loses a point.
+    straight from above; the ground must lie all around the sheet, and in one plane from which the sheet rises. Where
+    colours tell nothing, what stands out of a plane with steps all around is the sheet (`raised_sheet`). Anything less
+    plain is kept: a sheet alone never loses a point.
 
     Parameters
     ----------
@@ -62,6 +64,16 @@ def leave_out_surroundings(scan: Scan) -> tuple[Scan, list[Diagnostic]]:
         With the same points; only faces are left out.
     warnings : list of Diagnostic
     """
+    cut, warnings = _by_colour(scan)
+    if cut is scan and not warnings:
+        cut = _by_shape(scan)
+    if cut is scan:
+        return scan, warnings
+    return cut, warnings or [_left_out(scan, cut)]
+
+
+def _by_colour(scan: Scan) -> tuple[Scan, list[Diagnostic]]:
+    """The scan cut where paper ends and darker ground begins; the scan itself where that is not plain."""
     shown = _picture(scan)
     if shown is None:
         return scan, []
@@ -86,10 +98,22 @@ def leave_out_surroundings(scan: Scan) -> tuple[Scan, list[Diagnostic]]:
         )
         hint = "give {sheet} as an image that is white on the sheet if that is so"
         return scan, [Diagnostic("surroundings-doubtful", sentence, hint)]
-    kept, left_out = cut_to_outline(scan, mask, places)
-    cut = left_out_share(scan.mesh, left_out)
-    sentence = f"the sheet lies on a table, and {100 * cut:.0f} % of the scan around it were left out"
-    return kept, [Diagnostic("surroundings-left-out", sentence, "set {sheet=all} to keep them")]
+    return cut_to_outline(scan, mask, places)[0], []
+
+
+def _by_shape(scan: Scan) -> Scan:
+    """The scan cut to what stands out of the plane all around it; the scan itself where nothing does."""
+    found = raised_sheet(scan)
+    return scan if found is None else cut_to_outline(scan, found[1], found[0].places)[0]
+
+
+def _left_out(scan: Scan, cut: Scan) -> Diagnostic:
+    before, after = (
+        float(np.nansum(np.linalg.norm(area_vectors(one.mesh.points, one.mesh.faces), axis=1))) for one in (scan, cut)
+    )
+    share = 1 - after / max(before, np.finfo(float).tiny)
+    sentence = f"the sheet lies on a table, and {100 * share:.0f} % of the scan around it were left out"
+    return Diagnostic("surroundings-left-out", sentence, "set {sheet=all} to keep them")
 
 
 def cut_to_mask(scan: Scan) -> tuple[Scan, list[Diagnostic]]:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from planish.color import to_uint8
-from planish.geometry.axes import principal_axes
+from planish.geometry.axes import perpendicular_axes, principal_axes
 from planish.geometry.guards import TINY
 from planish.mesh import area_vectors, rasterize
 from planish.types import Floats, Ints, Pixels, Scan
@@ -40,14 +40,16 @@ class TopView:
     weights: NDArray[np.float32]
 
 
-def top_view(scan: Scan) -> TopView:
-    """See a mesh from the side its faces show; where parts overlap, the topmost counts."""
+def top_view(scan: Scan, normal: Floats | None = None) -> TopView:
+    """See a mesh from the side its faces show, along a normal (3,); where parts overlap, the topmost counts."""
     points, faces = scan.mesh.points, scan.mesh.faces
     normals = area_vectors(points, faces)
     centres = points[faces].mean(axis=1)
     some = np.isfinite(centres).all(axis=1)
     up = principal_axes(centres[some][:: 1 + int(some.sum()) // 50_000])[0][[0, 1, 2]]
-    if np.nansum(normals @ up[2]) < 0:
+    if normal is not None:
+        up = np.vstack([perpendicular_axes(normal), normal])
+    elif np.nansum(normals @ up[2]) < 0:
         up[[0, 2]] *= -1
     up[0] = np.cross(up[1], up[2])
     seen = points @ up.T

@@ -1,0 +1,143 @@
+"""A sheet that stands out from the plane it lies on, by its shape alone: on white tables, or without colours."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from planish.document.top_view import TopView, top_view
+from planish.geometry.guards import TINY, TINY_MM, normalize
+from planish.mesh import area_vectors
+from planish.types import Bools, Floats, Scan
+
+TRIES = 300
+SAMPLE = 4000
+NEAR_PLANE = 0.004
+"""Part of the scan's extent within which points lie in a plane: 2 mm over 500 mm."""
+
+MIN_GROUND = 0.3
+"""Part of the view from above that the plane must fill."""
+
+MIN_SHEET = 0.02
+"""Part of that view that the sheet must fill."""
+
+MIN_AROUND = 0.8
+"""Part of the sheet's rim that must have the plane beside it, or a gap that nobody saw and the plane behind it."""
+
+STEEP = 0.5
+"""Cosine of 60 degrees: faces steeper than that hang between a sheet and its table, or are the side of a box."""
+
+MIN_STEEP = 0.9
+"""Part of the rim that must end in steep faces or gaps: 0.99 for a crumpled sheet that touches its table nowhere, 0.72
+for a letter of which one third lies flat, of which only the rest would be found. A bump within a sheet has slopes of 20
+to 50 degrees, and a sheet alone has no rim with a plane around it."""
+
+GAP_PX = 120
+"""Greatest width of a gap that nobody saw, behind a box or a raised rim: 200 mm of a table of 1.3 m."""
+
+RIM_PX = 4
+"""Width of the rim in which these are looked for."""
+
+
+def raised_sheet(scan: Scan) -> tuple[TopView, Bools] | None:
+    """Find the largest thing that stands out of the dominant plane of a scan and is surrounded by it.
+
+    Parameters
+    ----------
+    scan : Scan
+
+    Returns
+    -------
+    view : TopView
+        Along the normal of the plane.
+    mask : (rows, cols) bool
+        In that view.
+    None where there is no such thing; a sheet alone never has it.
+    """
+    points = scan.mesh.points
+    plane = _dominant_plane(points[scan.mesh.faces[:, 0]])
+    if plane is None:
+        return None
+    middle, normal, noise = plane
+    if np.nansum(area_vectors(points, scan.mesh.faces) @ normal) < 0:
+        normal = -normal
+    view = top_view(scan, normal)
+    seen = view.face >= 0
+    height = np.full(view.face.shape, np.nan)
+    corner = scan.mesh.faces[view.face[seen]]
+    w = view.weights[seen].astype(np.float64)
+    height[seen] = (np.column_stack([1 - w.sum(axis=1), w]) * ((points - middle) @ normal)[corner]).sum(axis=1)
+    tolerance = max(3 * noise, 0.5 * NEAR_PLANE * _extent(points), TINY_MM)
+    ground = seen & (np.abs(height) < tolerance)
+    if ground.sum() < MIN_GROUND * seen.sum():
+        return None
+    mask = _largest_inside(seen & (np.nan_to_num(height) > 2 * tolerance), seen)
+    if mask is None or mask.sum() < MIN_SHEET * seen.sum():
+        return None
+    upright = np.abs(normalize(area_vectors(points, scan.mesh.faces)) @ normal)
+    steep = ~seen
+    steep[seen] = upright[view.face[seen]] < STEEP
+    if not _ends_all_around(mask, ground, steep):
+        return None
+    below = (points - middle) @ normal < -2 * tolerance  # a floor under the table is not the sheet above it
+    return replace(view, places=np.where(below[:, None], np.nan, view.places)), mask
+
+
+def _extent(points: Floats) -> float:
+    finite = points[np.isfinite(points).all(axis=1)]
+    return float(np.linalg.norm(np.quantile(finite, 0.99, axis=0) - np.quantile(finite, 0.01, axis=0)))
+
+
+def _dominant_plane(points: Floats) -> tuple[Floats, Floats, float] | None:
+    """The plane with most points near it (RANSAC), fitted to these: a point, its normal, and their scatter."""
+    points = points[np.isfinite(points).all(axis=1)]
+    points = points[:: 1 + len(points) // SAMPLE]
+    if len(points) < 100:
+        return None
+    near = NEAR_PLANE * _extent(points)
+    rng = np.random.default_rng(0)
+    best, used = 0, np.zeros(len(points), bool)
+    for _ in range(TRIES):
+        a, b, c = points[rng.choice(len(points), 3, replace=False)]
+        normal = np.cross(b - a, c - a)
+        length = float(np.linalg.norm(normal))
+        if length < TINY:
+            continue
+        within = np.abs((points - a) @ normal) < near * length
+        if within.sum() > best:
+            best, used = int(within.sum()), within
+    if best < 3:
+        return None
+    middle = points[used].mean(axis=0)
+    normal = np.linalg.svd(points[used] - middle, full_matrices=False)[2][2]
+    residual = (points[used] - middle) @ normal
+    return middle, np.asarray(normal), 1.4826 * float(np.median(np.abs(residual - np.median(residual))))
+
+
+def _largest_inside(raised: Bools, seen: Bools) -> Bools | None:
+    """The largest raised region that does not reach the border of the view; its holes filled."""
+    whole = cv2.morphologyEx(seen.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((41, 41), np.uint8))
+    outside = ndimage.binary_dilation(~ndimage.binary_fill_holes(np.pad(whole > 0, 1)), iterations=3)[1:-1, 1:-1]
+    closed = cv2.morphologyEx(raised.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))
+    _, label, stats, _ = cv2.connectedComponentsWithStats(closed)
+    reaches = np.unique(label[outside])
+    for k in np.argsort(-stats[:, cv2.CC_STAT_AREA]):
+        if k and k not in reaches:
+            return np.asarray(ndimage.binary_fill_holes(label == k))
+    return None
+
+
+def _ends_all_around(mask: Bools, ground: Bools, steep: Bools) -> bool:
+    """Whether a region has the ground beside it nearly everywhere, and mostly steps down to it."""
+    kernel = np.ones((2 * RIM_PX + 1, 2 * RIM_PX + 1), np.uint8)
+    rim = mask & ~ndimage.binary_erosion(mask)
+    near_steep = cv2.dilate(steep.astype(np.uint8), kernel) > 0
+    reach: NDArray[np.uint8] = np.ones((2 * GAP_PX + 1, 2 * GAP_PX + 1), np.uint8)
+    near_ground = cv2.dilate(ground.astype(np.uint8), kernel) > 0
+    behind_gap = near_steep & (cv2.dilate(ground.astype(np.uint8), reach) > 0)
+    around = float((near_ground | behind_gap)[rim].mean())
+    return around >= MIN_AROUND and float(near_steep[rim].mean()) >= MIN_STEEP
