@@ -12,7 +12,7 @@ from planish.acquire.grid_mesh import grid_mesh
 from planish.cli.main import run
 from planish.document.surroundings import leave_out_surroundings
 from planish.errors import InputError
-from planish.gallery import sheet
+from planish.gallery import sheet, sheet_mesh
 from planish.gallery.scene_view import aim_camera, render_view
 from planish.io import read_scan, write_scan
 from planish.pipeline import prepare
@@ -169,3 +169,64 @@ def test_flatten_and_restore_take_a_mask_and_leave_out_the_table(tmp_path):
     assert len(read_scan(tmp_path / "f.obj").scan.mesh.points) == len(scan.mesh.points)
     wrong = ["restore", f"{tmp_path}/s.ply", "-o", f"{tmp_path}/p.png", "--sheet", f"{tmp_path}/nothing.png"]
     assert run(wrong) == 3
+
+
+def test_of_two_sheets_the_larger_is_taken_and_that_is_said():
+    scan, paper = seen("wave")
+    photo = scan.photo.copy()
+    right = scan.photo_xy[paper, 0].max()
+    photo[60:160, int(right) + 6 : int(right) + 40] = 215  # 10 mm beside it
+    alone, (warning,) = leave_out_surroundings(replace(scan, photo=photo))
+    used = np.unique(alone.mesh.faces)
+    assert scan.photo_xy[used, 0].max() < right + 2
+    assert "the largest of 2 sheets" in warning.sentence
+
+
+def without_photo(scan):
+    return replace(scan, photo=None, photo_xy=None, camera=None)
+
+
+@pytest.mark.parametrize("shown", [without_photo, lambda scan: scan])
+def test_on_a_white_table_the_shape_tells_if_it_stands_out_all_around(shown):
+    fine = aim_camera((0, -60, 620), (0, 0, 0), 460, (480, 640))
+    scan, paper = seen("crumpled", table=215.0, camera=fine)
+    alone, (warning,) = leave_out_surroundings(shown(scan))
+    used = np.unique(alone.mesh.faces)
+    moved = (alone.mesh.points != scan.mesh.points).any(axis=1)
+    assert (paper | moved)[used].mean() > 0.995
+    assert paper[used].sum() > 0.98 * paper.sum()
+    assert warning.code == "surroundings-left-out"
+
+
+@pytest.mark.parametrize("name", ["letter", "book", "curl", "miura"])
+def test_what_touches_a_white_table_is_kept_whole_with_it(name):
+    scan, _ = seen(name, table=215.0)
+    assert leave_out_surroundings(scan) == (scan, [])
+
+
+@pytest.mark.parametrize("name", ["book", "letter", "wave", "curl", "miura", "crumpled", "spread", "flat"])
+def test_a_bare_mesh_of_a_sheet_alone_loses_no_point(name):
+    mesh, _ = sheet_mesh(sheet(name), points=20_000, layout="grid")
+    scan = Scan(mesh)
+    assert leave_out_surroundings(scan) == (scan, [])
+
+
+def test_paper_and_lit_table_apart_from_a_shadow_are_not_taken_for_the_sheet():
+    scan, _ = seen("spread")
+    rows, cols = np.mgrid[:240, :320]
+    shadow = np.where(rows + 0.5 * cols > 150, 1.0, 0.3)[..., None]
+    shaded = replace(scan, photo=(scan.photo * shadow).astype(np.uint8))
+    kept, warnings = leave_out_surroundings(shaded)
+    assert kept is shaded
+    assert [w.code for w in warnings] in ([], ["surroundings-doubtful"])
+
+
+def test_a_sheet_that_the_border_of_the_scan_cuts_is_told():
+    scan, paper = seen("wave")
+    column = scan.photo_xy[:, 0]
+    left = np.quantile(column[paper], 0.2)
+    kept = (column[scan.mesh.faces] > left).all(axis=1)
+    half = replace(scan, mesh=planish.Mesh(scan.mesh.points, scan.mesh.faces[kept]))
+    alone, (warning,) = leave_out_surroundings(half)
+    assert "border of the scan" in warning.sentence
+    assert len(alone.mesh.faces) < 0.8 * kept.sum()

@@ -17,6 +17,17 @@ WORKING_PX = 800
 CLOSING = 0.03
 """Print up to this part of the picture's side is closed over before paper is told from ground."""
 
+NARROW = 0.006
+"""The same where two sheets may lie beside each other: the gap between them is wider than that, a rule is not."""
+
+MIN_SECOND = 0.1
+"""Part of the sheet's area from which on a region apart from it is a second sheet, and no heading above a dark bar."""
+
+DARKER, MOST_DARKER = 0.65, 0.15
+"""Part of a sheet that may be darker than so much of its median: deep shade along a spine covers a tenth of a page."""
+STRICTLY = 0.75, 0.1
+"""The same where the region reaches the border of the scan, as a lit table beside a sheet does."""
+
 MIN_CONTRAST = 1.5
 """Paper must be so many times as bright, as code values, as what lies around it."""
 
@@ -107,6 +118,20 @@ def _every_fourth(shape_rc: tuple[int, ...]) -> Floats:
     return np.stack([col.ravel(), row.ravel()], axis=1)
 
 
+def is_even(photo: Pixels, *, strictly: bool = False) -> bool:
+    """Whether what `find_sheet` finds is of one brightness, and not paper together with the lit part of its table."""
+    bright, inside, _ = _bright_region(photo)
+    levels = bright[inside].astype(np.float64)
+    darker, most = STRICTLY if strictly else (DARKER, MOST_DARKER)
+    return len(levels) > 0 and float((levels < darker * np.median(levels)).mean()) < most
+
+
+def ends_in_an_edge(photo: Pixels, places: Floats) -> bool:
+    """Whether the sheet that `find_sheet` finds ends in an edge, and not in the fall of a shade; see `sheet_mask`."""
+    drops = _drops(photo, places)
+    return len(drops) > 0 and float(np.median(drops)) >= EDGE
+
+
 def _drops(photo: Pixels, places: Floats) -> Floats:
     """`rim_drops` of the sheet on the small picture on which it is sought."""
     bright, inside, scale = _bright_region(photo)
@@ -168,13 +193,33 @@ def _bright_region(photo: Pixels) -> tuple[NDArray[np.uint8], Bools, float]:
     eight = to_uint8(photo)
     scale = min(1.0, WORKING_PX / max(rows, cols))
     small = cv2.resize(eight, (max(2, round(cols * scale)), max(2, round(rows * scale))), interpolation=cv2.INTER_AREA)
-    bright = _without_print(small.max(axis=2))
+    raw = small.max(axis=2)
+    bright = _without_print(raw, CLOSING)
     above, _ = cv2.threshold(_log_levels(bright), 0, 255, cv2.THRESH_BINARY | cv2.THRESH_OTSU)
-    return bright, _largest(_log_levels(bright) > above), scale
+    inside = _largest(_log_levels(bright) > above)
+    narrow = _without_print(raw, NARROW)
+    several = _several_sheets(inside & (_log_levels(narrow) > above))
+    return (bright, inside, scale) if several is None else (narrow, several, scale)
 
 
-def _without_print(grey: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    side = 2 * int(CLOSING * max(grey.shape) / 2) + 1
+def count_sheets(photo: Pixels) -> int:
+    """How many bright regions a photo has that are no smaller than a tenth of the largest."""
+    bright, inside, _ = _bright_region(photo)
+    above = float(np.quantile(_log_levels(bright)[inside], 0.02)) if inside.any() else 255.0
+    _, _, stats, _ = cv2.connectedComponentsWithStats((_log_levels(bright) >= above).astype(np.uint8))
+    areas = stats[1:, cv2.CC_STAT_AREA]
+    return int((areas > MIN_SECOND * areas.max()).sum()) if len(areas) else 0
+
+
+def _several_sheets(bright: Bools) -> Bools | None:
+    """The largest of several large regions, which a gap of ground divides; None where there is one."""
+    _, _, stats, _ = cv2.connectedComponentsWithStats(bright.astype(np.uint8))
+    areas = np.sort(stats[1:, cv2.CC_STAT_AREA])[::-1]
+    return _largest(bright) if len(areas) > 1 and areas[1] > MIN_SECOND * areas[0] else None
+
+
+def _without_print(grey: NDArray[np.uint8], part: float) -> NDArray[np.uint8]:
+    side = 2 * int(part * max(grey.shape) / 2) + 1
     return np.asarray(cv2.morphologyEx(grey, cv2.MORPH_CLOSE, np.ones((side, side), np.uint8)), np.uint8)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from planish.document.cut import cut_to_outline, left_out_share
 from planish.document.raised import raised_sheet
 from planish.document.rim import at_places, share_around, with_margin
-from planish.document.sheet_outline import find_sheet
+from planish.document.sheet_outline import count_sheets, ends_in_an_edge, find_sheet, is_even
 from planish.document.top_view import picture, top_view
 from planish.errors import InputError
 from planish.geometry import project
@@ -25,6 +25,9 @@ MIN_AROUND = 0.6
 """Part of all directions from the middle of the paper in which surroundings must follow it closely. A sheet alone that
 is dark on one side, as beside a spine, has a quarter to a half of them; a sheet on a table all, or three quarters where
 it reaches the border of the scan."""
+
+ALL_AROUND = 0.95
+"""The same where the sheet reaches no border of the scan; where it does, a page may be cut off there, which is told."""
 
 FLATNESS = 0.01
 """Distance from their common plane, as part of their extent, within which surroundings are a table: 4 mm over 400 mm,
@@ -65,11 +68,10 @@ def leave_out_surroundings(scan: Scan) -> tuple[Scan, list[Diagnostic]]:
     warnings : list of Diagnostic
     """
     cut, warnings = _by_colour(scan)
-    if cut is scan and not warnings:
-        cut = _by_shape(scan)
-    if cut is scan:
-        return scan, warnings
-    return cut, warnings or [_left_out(scan, cut)]
+    if cut is not scan:
+        return cut, warnings
+    cut = _by_shape(scan)
+    return (scan, warnings) if cut is scan else (cut, [_left_out(scan, cut)])
 
 
 def _by_colour(scan: Scan) -> tuple[Scan, list[Diagnostic]]:
@@ -86,19 +88,20 @@ def _by_colour(scan: Scan) -> tuple[Scan, list[Diagnostic]]:
     outside = np.asarray(~at_places(near, places, scale)[faces].any(axis=1))
     area = np.linalg.norm(area_vectors(scan.mesh.points, faces), axis=1)
     share = float(area[outside].sum() / max(area.sum(), np.finfo(float).tiny))
-    if share < MIN_AREA or share_around(near, places[faces[outside][:, 0]], scale) < MIN_AROUND:
+    around = share_around(near, places[faces[outside][:, 0]], scale)
+    if share < MIN_AREA or around < MIN_AROUND:
         return scan, []
     inside = at_places(mask, places[faces].mean(axis=1))
     flat_ground, flat_sheet = _flat_shares(scan.mesh, outside, inside)
-    if flat_ground < MIN_FLAT or not inside.any():
+    if not inside.any() or not ends_in_an_edge(shown.pixels, places[np.isfinite(places).all(axis=1)]):
         return scan, []
-    if flat_sheet > MAX_SHEET_FLAT:
-        sentence = (
-            f"{100 * share:.0f} % of the scan may be ground around the sheet, in the same plane; all of it was kept"
-        )
+    if flat_ground < MIN_FLAT or flat_sheet > MAX_SHEET_FLAT or not is_even(shown.pixels, strictly=around < ALL_AROUND):
+        which = "in the same plane" if flat_sheet > MAX_SHEET_FLAT else "with shade or other things on it"
+        sentence = f"{100 * share:.0f} % of the scan may be ground around the sheet, {which}; all of it was kept"
         hint = "give {sheet} as an image that is white on the sheet if that is so"
         return scan, [Diagnostic("surroundings-doubtful", sentence, hint)]
-    return cut_to_outline(scan, mask, places)[0], []
+    cut = cut_to_outline(scan, mask, places)[0]
+    return cut, [_left_out(scan, cut, count_sheets(shown.pixels), cut_off=around < ALL_AROUND)]
 
 
 def _by_shape(scan: Scan) -> Scan:
@@ -107,12 +110,16 @@ def _by_shape(scan: Scan) -> Scan:
     return scan if found is None else cut_to_outline(scan, found[1], found[0].places)[0]
 
 
-def _left_out(scan: Scan, cut: Scan) -> Diagnostic:
+def _left_out(scan: Scan, cut: Scan, sheets: int = 1, *, cut_off: bool = False) -> Diagnostic:
     before, after = (
         float(np.nansum(np.linalg.norm(area_vectors(one.mesh.points, one.mesh.faces), axis=1))) for one in (scan, cut)
     )
     share = 1 - after / max(before, np.finfo(float).tiny)
     sentence = f"the sheet lies on a table, and {100 * share:.0f} % of the scan around it were left out"
+    if sheets > 1:
+        sentence += f"; it is the largest of {sheets} sheets"
+    if cut_off:
+        sentence += "; it reaches the border of the scan, which may cut it off"
     return Diagnostic("surroundings-left-out", sentence, "set {sheet=all} to keep them")
 
 
