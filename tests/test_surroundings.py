@@ -14,7 +14,7 @@ from planish.document.surroundings import leave_out_surroundings
 from planish.errors import InputError
 from planish.gallery import sheet, sheet_mesh
 from planish.gallery.scene_view import aim_camera, render_view
-from planish.io import read_scan, write_scan
+from planish.io import read_photo, read_scan, write_scan
 from planish.pipeline import prepare
 from planish.settings import BinarizeSettings, RenderSettings, RestoreSettings, ShadingSettings
 from planish.types import Scan, Texture
@@ -230,3 +230,16 @@ def test_a_sheet_that_the_border_of_the_scan_cuts_is_told():
     alone, (warning,) = leave_out_surroundings(half)
     assert "border of the scan" in warning.sentence
     assert len(alone.mesh.faces) < 0.8 * kept.sum()
+
+
+@pytest.mark.slow
+def test_the_stages_show_what_was_left_out(tmp_path):
+    scan, paper = seen("wave")
+    write_scan(tmp_path / "s.ply", scan)
+    assert (
+        run(["restore", f"{tmp_path}/s.ply", "-o", f"{tmp_path}/p.png", "--dpi", "72", "--stages", f"{tmp_path}"]) == 0
+    )
+    shown = read_photo(tmp_path / "0-sheet.png").pixels[..., 0]
+    column, row = scan.photo_xy.astype(int).T
+    assert np.median(shown[row, column][paper]) > 200
+    assert np.median(shown[row, column][~paper]) < 30
