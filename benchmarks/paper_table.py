@@ -42,7 +42,7 @@ def rows(name: str, scan: Scan, truth: np.ndarray, lengths: str, all_steps: int)
     mesh = prepared.scan.mesh
     points, _, _ = onto_support_plane(mesh)
     standing = Mesh(points, mesh.faces)
-    truth = truth[prepared.place.argsort(kind="stable")[(prepared.place < 0).sum() :]]
+    truth = truth[prepared.mesh_rows.argsort(kind="stable")[(prepared.mesh_rows < 0).sum() :]]
     for count in (1_000, 4_000, 16_000, len(points)):
         coarse = subsample(standing, prepared.topology, count) if count < len(points) else None
         solved = coarse.mesh if coarse else standing

@@ -92,7 +92,7 @@ def cases(count: int):
         made = virtual_scan(sheet(name), photo_px=None, noise_mm=noise)
         prepared = repair(made.scan)
         mesh = prepared.scan.mesh
-        truth = made.truth_xy[prepared.place.argsort(kind="stable")[(prepared.place < 0).sum() :]]
+        truth = made.truth_xy[prepared.mesh_rows.argsort(kind="stable")[(prepared.mesh_rows < 0).sum() :]]
         lattice = make_quad_mesh(mesh, count)
         coarse = subsample(mesh, prepared.topology, count)
         sticks = make_sticks(coarse.mesh, topology(coarse.mesh.faces, len(coarse.mesh.points)), "unfolded")

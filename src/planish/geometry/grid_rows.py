@@ -78,7 +78,8 @@ def _pixels(points: Floats, edges: Ints) -> tuple[Pixels, Pixels] | None:
     pixels = _aligned(points, edges[~in_row], run, column)
     if pixels is None:
         return None
-    step = np.abs(pixels[edges[:, 1]] - pixels[edges[:, 0]])
+    some = edges[:: len(edges) // SAMPLE + 1]
+    step = np.abs(pixels[some[:, 1]] - pixels[some[:, 0]])
     return (pixels, run) if (step.max(axis=1) <= 1).mean() >= MIN_REGULAR else None
 
 
@@ -93,7 +94,7 @@ def _aligned(points: Floats, edges: Ints, run: Pixels, column: Pixels) -> Pixels
     shift = column[edges[:, 1]] - column[edges[:, 0]]
     across = np.linalg.eigh(np.cov(points.T))[1][:, 1:]  # noise is along the rays, the sheet roughly across them
     squared = (((points[edges[:, 1]] - points[edges[:, 0]]) @ across) ** 2).sum(axis=1)
-    order = np.lexsort((shift, below, above))
+    order = _in_order(above, below, shift, count)
     above, below, shift, squared = above[order], below[order], shift[order], squared[order]
     if not len(order):
         return None
@@ -106,6 +107,15 @@ def _aligned(points: Floats, edges: Ints, run: Pixels, column: Pixels) -> Pixels
     above, below, shift, size = above[order], below[order], shift[order], size[order]
     first = np.flatnonzero(np.r_[True, (np.diff(above) != 0) | (np.diff(below) != 0)])
     return _laid_out(above[first], below[first], shift[first], size[first], run, column, count)
+
+
+def _in_order(above: Pixels, below: Pixels, shift: Pixels, count: int) -> Pixels:
+    """As np.lexsort((shift, below, above)), but in no certain order where all are equal, and five times as fast."""
+    low, high = (int(shift.min()), int(shift.max())) if len(shift) else (0, 0)
+    span = high - low + 1
+    if count**2 * span > 2**62:
+        return np.lexsort((shift, below, above))
+    return np.argsort((above * count + below) * span + (shift - low))
 
 
 def _largest_of_pair(size: Pixels, pair: Pixels) -> Pixels:

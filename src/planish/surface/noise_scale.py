@@ -29,9 +29,9 @@ wrinkled or creased ones by 2.2 or more (camel_b 2.2, cloth 2.9, curved_fold 1.7
 points by 3.3. From 8 to 16 a crumpled sheet grows by 1.7 where its facets are 16 edges wide."""
 
 TALL, GOES_ON = 0.2, 1.5
-"""Noise of over 0.2 edges is followed to larger patches as long as these show less than 1.5 times as much (with 2 nothing changes). A depth
-camera's is white at first and shared at length: 0.23, 0.31 and 0.39 edges in patches of 4, 8 and 16, whose neighbours
-correlate by 0.14, 0.47 and 0.63. Lower noise is not followed, as the bends of the sheet show in large patches too."""
+"""Noise of over 0.2 edges is followed to larger patches as long as these show less than 1.5 times as much (2 changes
+nothing). A depth camera's is white at first and shared at length: 0.23, 0.31 and 0.39 edges in patches of 4, 8 and 16,
+whose neighbours correlate by 0.14, 0.47 and 0.63. Lower noise is not followed, as bends show in large patches too."""
 
 PATCH_OF_MESH = 4
 """Patches hold at most this part of the mesh's points."""
