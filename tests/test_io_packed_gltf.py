@@ -87,3 +87,22 @@ def test_damaged_packed_geometry_is_refused(tmp_path, made):
     (tmp_path / "sheet.glb").write_bytes(glb(tree, blob[:1] + bytes(len(blob) - 1)))
     with pytest.raises(InputError, match=r"sheet\.glb"):
         read_scan(tmp_path / "sheet.glb")
+
+
+@pytest.mark.parametrize(
+    ("which", "changed"),
+    [
+        (1, {"count": MESH.faces.size - 1}),  # no whole number of triangles: the library would write beyond its memory
+        (1, {"filter": "EXPONENTIAL"}),
+        (0, {"filter": "OCTAHEDRAL"}),  # of rows of 12 bytes
+        (0, {"filter": "QUATERNION"}),
+        (0, {"byteStride": 6, "count": 2 * len(POINTS)}),
+    ],
+)
+def test_numbers_that_meshopt_does_not_allow_are_refused_before_it_is_called(tmp_path, which, changed):
+    pytest.importorskip("meshoptimizer")
+    tree, blob = meshopt()
+    tree["bufferViews"][which]["extensions"]["EXT_meshopt_compression"].update(changed)
+    (tmp_path / "sheet.glb").write_bytes(glb(tree, blob))
+    with pytest.raises(InputError, match="cannot be unpacked"):
+        read_scan(tmp_path / "sheet.glb")

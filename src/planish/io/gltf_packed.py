@@ -76,7 +76,7 @@ def unpack_meshopt(path: Path, data: bytes, count: int, stride: int, mode: str, 
         "QUATERNION": meshoptimizer.decode_filter_quat,
         "EXPONENTIAL": meshoptimizer.decode_filter_exp,
     }
-    if not count or not stride:
+    if not _is_sound(count, stride, mode, bent):
         return None
     try:
         if mode == "ATTRIBUTES":
@@ -92,3 +92,16 @@ def unpack_meshopt(path: Path, data: bytes, count: int, stride: int, mode: str, 
     except (ValueError, RuntimeError):
         return None
     return rows.tobytes()
+
+
+_STRIDES = {"OCTAHEDRAL": (4, 8), "QUATERNION": (8,)}
+"""Bytes of the rows that a filter works on; of the exponential one and of others a multiple of 4."""
+
+
+def _is_sound(count: int, stride: int, mode: str, bent: str) -> bool:
+    """Whether the extension allows these numbers: with others the library writes beyond its memory."""
+    if not count or not stride:
+        return False
+    if mode == "ATTRIBUTES":
+        return stride % 4 == 0 and stride <= 256 and stride in _STRIDES.get(bent, (stride,))
+    return bent == "NONE" and (mode != "TRIANGLES" or count % 3 == 0)
