@@ -1,4 +1,4 @@
-"""What devices write and cameras see that an earlier version did not take: deep colours, faint lasers, plain boards."""
+"""What devices write and cameras see that an earlier version did not take: faint lasers, poor photos, plain boards."""
 
 import cv2
 import numpy as np
@@ -10,33 +10,6 @@ from planish.acquire.laser.faint import faint_line
 from planish.errors import InputError
 from planish.gallery import sheet
 from planish.gallery.laser import overhead_camera
-from planish.io import read_cloud
-
-
-def test_e57_colours_of_sixteen_bits(tmp_path, monkeypatch):
-    pye57 = pytest.importorskip("pye57")
-    rng = np.random.default_rng(0)
-    points, colours = rng.uniform(0, 1, (50, 3)), rng.integers(0, 65536, (50, 3)).astype(np.uint16)
-    colours[0] = 65535
-    integer = pye57.libe57.IntegerNode
-    monkeypatch.setattr(
-        pye57.libe57, "IntegerNode", lambda file, *a: integer(file, *(65535 if v == 255 else int(v) for v in a))
-    )  # the library itself writes colours of 8 bits only
-
-    class Deep(pye57.E57):
-        def make_buffer(self, field_name, capacity, do_conversion=True, do_scaling=True):
-            kind = np.uint16 if field_name.startswith("color") else np.float64
-            values = np.empty(capacity, kind)
-            place = self.image_file, field_name, values, capacity
-            return values, pye57.libe57.SourceDestBuffer(*place, do_conversion, do_scaling)
-
-    data = {f"cartesian{axis}": points[:, k] for k, axis in enumerate("XYZ")}
-    data |= {f"color{name}": colours[:, k] for k, name in enumerate(("Red", "Green", "Blue"))}
-    with Deep(str(tmp_path / "deep.e57"), mode="w") as file:
-        file.write_scan_raw(data)
-    cloud = read_cloud(tmp_path / "deep.e57")
-    assert cloud.colours.dtype == np.uint16
-    np.testing.assert_array_equal(cloud.colours, colours)
 
 
 def board_with_line(strength, rows=270, cols=360, noise=2.0):

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from planish.errors import InputError
-from planish.io import read_scan
+from planish.errors import InputError, OutputError
+from planish.io import read_scan, write_scan
 from planish.io import scan_photos as photos_module
 from planish.io.encode import png_bytes
 from planish.render import draw
 from planish.settings import RenderSettings
+from planish.types import Mesh, Scan, Texture
 from samples import obj_text, picture, sheet_scan
 from shapes import grid
 
@@ -418,3 +419,22 @@ def test_a_list_of_texture_coordinates_by_another_name(tmp_path, expected):
     found = read_scan(tmp_path / "sheet.ply")
     assert any("the list “t”" in str(warning) for warning in found.warnings)
     assert np.abs(page(found.scan).pixels.astype(int) - expected.pixels).max() <= 1
+
+
+@pytest.mark.parametrize("suffix", ["obj", "ply"])
+def test_several_textures_are_written_and_read_again(tmp_path, suffix):
+    rng = np.random.default_rng(0)
+    images = [rng.integers(0, 256, (rows, 16, 3)).astype(np.uint8) for rows in (12, 20)]
+    mesh = Mesh([[0, 0, 0], [200, 0, 0], [200, 280, 0], [0, 280, 0], [100, 300, 0]], [[0, 1, 2], [0, 2, 3], [2, 4, 3]])
+    places = np.array([[[0, 11], [15, 11], [15, 0]], [[0, 19], [15, 0], [0, 0]], [[3, 4], [5, 6], [7, 8]]], float)
+    textures = tuple(Texture(image.shape[:2], 8, lambda image=image: image) for image in images)
+    scan = Scan(mesh, photo_xy=places, textures=textures, texture_of_face=np.array([0, 1, 0], np.int32))
+    written = write_scan(tmp_path / f"scan.{suffix}", scan)
+    assert [file.name for file in written[1:3]] == ["scan-1.jpg", "scan-2.jpg"]
+    again = read_scan(tmp_path / f"scan.{suffix}").scan
+    np.testing.assert_array_equal(again.mesh.faces, mesh.faces)
+    np.testing.assert_array_equal(again.texture_of_face, [0, 1, 0])
+    assert [texture.shape_rc for texture in again.textures] == [(12, 16), (20, 16)]
+    np.testing.assert_allclose(again.photo_xy, places, atol=1e-3)
+    with pytest.raises(OutputError, match="2 textures"):
+        write_scan(tmp_path / "scan.glb", scan)

@@ -7,7 +7,7 @@ face of two corners vanishes, an index wraps at 2**32. So each line must first m
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -282,6 +282,7 @@ def obj_parts(
     polygons: Polygons,
     *,
     material: tuple[str, str] | None = None,
+    material_of_face: Sequence[str] | None = None,
     comment: str = "",
     digits: int = 6,
 ) -> Iterator[bytes]:
@@ -292,7 +293,9 @@ def obj_parts(
     points : (n, 3) float64
     polygons : Polygons
     material : (str, str), optional
-        Name of the MTL file and of the material in it.
+        Name of the MTL file and of the material in it, which is that of the first faces.
+    material_of_face : sequence of str, optional
+        The material of each face, where there are several.
     comment : str
         Lines of it go first.
     digits : int
@@ -306,7 +309,7 @@ def obj_parts(
     yield from _rows(f"v {number} {number} {'0' if flat else number}\n", points[:, :2] if flat else points)
     if polygons.uv is not None and len(polygons.uv):
         yield from _rows("vt %.6f %.6f\n" if np.nanmax(np.abs(polygons.uv)) > 10 else "vt %.8f %.8f\n", polygons.uv)
-    yield from _face_parts(polygons)
+    yield from _face_parts(polygons, material_of_face)
 
 
 def _rows(line: str, numbers: NDArray) -> Iterator[bytes]:
@@ -315,7 +318,7 @@ def _rows(line: str, numbers: NDArray) -> Iterator[bytes]:
         yield (line * len(part) % tuple(part.ravel().tolist())).encode()
 
 
-def _face_parts(polygons: Polygons) -> Iterator[bytes]:
+def _face_parts(polygons: Polygons, materials: Sequence[str] | None) -> Iterator[bytes]:
     """The f lines in the polygons' order; a face that lacks the texture coordinates of a corner is written without."""
     first = np.cumsum(polygons.sizes) - polygons.sizes
     uv_corners = polygons.uv_corners
@@ -328,6 +331,10 @@ def _face_parts(polygons: Polygons) -> Iterator[bytes]:
             ("f" + (" %d" if plain else " %d/%d") * size)
             for size, plain in zip(sizes.tolist(), without.tolist(), strict=True)
         ]
+        if materials is not None:
+            for k in range(start, start + len(lines)):
+                if k == 0 or materials[k] != materials[k - 1]:
+                    lines[k - start] = f"usemtl {materials[k]}\n{lines[k - start]}"
         numbers = pairs[first[start] : first[start] + int(sizes.sum())]
         written = np.stack([np.ones(len(numbers), bool), ~np.repeat(without, sizes)], axis=1)
         yield ("\n".join(lines) % tuple(numbers[written].tolist()) + "\n").encode()

@@ -15,7 +15,7 @@ from planish.io.obj import obj_parts
 from planish.io.ply_write import ply_parts
 from planish.io.polygons import Polygons, of_triangles
 from planish.settings import MM_PER_UNIT
-from planish.types import Floats, Pixels, Scan
+from planish.types import Floats, Pixels, Scan, Texture
 
 
 def write_scan(path: str | Path, scan: Scan) -> list[Path]:
@@ -24,7 +24,8 @@ def write_scan(path: str | Path, scan: Scan) -> list[Path]:
     OBJ and PLY are in mm, and the photo goes beside them under the same name: as JPEG of quality 95, or as PNG if it
     has 16 bits. GLB is in metres (float32) and holds the photo. A camera goes beside as NAME_camera.json, in the unit
     of the mesh. Where there are further photos, all lie beside the mesh, the others as NAME-2, NAME-3 and so on, and
-    all cameras in NAME_cameras.json, to be given to `read_scan` with the photos.
+    all cameras in NAME_cameras.json, to be given to `read_scan` with the photos. Several textures go beside an OBJ or
+    PLY as NAME-1, NAME-2 and so on.
 
     Parameters
     ----------
@@ -58,14 +59,21 @@ def write_scan(path: str | Path, scan: Scan) -> list[Path]:
             f"{path}: the scan has several photos, and is written only with the camera of each; the first has none"
         )
     in_metres = path.suffix.lower() == ".glb"
+    if scan.textures and in_metres:
+        raise OutputError(f"{path}: the scan has {len(scan.textures)} textures; write it as .obj or .ply")
     photo = None if scan.photo is None else _encoded(scan.photo, scan.icc)
     written, name = [path], None
     with all_or_nothing():
         if photo is not None and (scan.others or not in_metres):
             written.append(_write_photo(path, photo))
             name = written[-1].name
+        textures = [_write_texture(path, k, texture) for k, texture in enumerate(scan.textures, 1)]
+        written += textures
         if in_metres:
             write_bytes(path, _glb(scan, photo))
+        elif textures:
+            write = _write_textured_obj if path.suffix.lower() == ".obj" else _write_textured_ply
+            written += write(path, scan, [file.name for file in textures])
         else:
             written += (_write_obj if path.suffix.lower() == ".obj" else _write_ply)(path, scan, name)
         written += _write_cameras(path, scan, name, MM_PER_UNIT["m"] if in_metres else 1.0)
@@ -127,6 +135,48 @@ def _write_ply(path: Path, scan: Scan, photo_name: str | None) -> list[Path]:
         uv = _uv(scan.photo_xy, scan.photo.shape[:2])
     write_bytes(path, ply_parts(scan.mesh.points, polygons, point_uv=uv, texture=photo_name, comments=["units: mm"]))
     return []
+
+
+def _write_texture(path: Path, number: int, texture: Texture) -> Path:
+    return _write_photo(path.with_name(f"{path.stem}-{number}{path.suffix}"), _encoded(texture.read(), None))
+
+
+def _write_textured_obj(path: Path, scan: Scan, names: list[str]) -> list[Path]:
+    assert scan.texture_of_face is not None
+    mtl = path.with_suffix(".mtl")
+    blocks = [f"newmtl page{k}\nKd 1 1 1\nmap_Kd {name}\n" for k, name in enumerate(names)]
+    write_bytes(mtl, "\n".join([*blocks, "newmtl blank\nKd 1 1 1\n"]).encode())
+    materials = [f"page{k}" if k >= 0 else "blank" for k in scan.texture_of_face.tolist()]
+    parts = obj_parts(
+        scan.mesh.points,
+        _of_textures(scan),
+        material=(mtl.name, materials[0] if materials else "blank"),
+        material_of_face=materials,
+        comment="units: mm",
+    )
+    write_bytes(path, parts)
+    return [mtl]
+
+
+def _write_textured_ply(path: Path, scan: Scan, names: list[str]) -> list[Path]:
+    assert scan.texture_of_face is not None
+    comments = ["units: mm", *(f"TextureFile {name}" for name in names)]
+    columns = {"texnumber": scan.texture_of_face}
+    write_bytes(path, ply_parts(scan.mesh.points, _of_textures(scan), comments=comments, face_columns=columns))
+    return []
+
+
+def _of_textures(scan: Scan) -> Polygons:
+    """The faces with their places on their own images as texture coordinates."""
+    assert scan.photo_xy is not None
+    assert scan.texture_of_face is not None
+    shapes = np.array([texture.shape_rc for texture in scan.textures])[np.maximum(scan.texture_of_face, 0)]
+    rows, cols = shapes[:, :1], shapes[:, 1:]
+    uv = np.stack([(scan.photo_xy[..., 0] + 0.5) / cols, 1 - (scan.photo_xy[..., 1] + 0.5) / rows], axis=-1)
+    uv = uv.reshape(-1, 2)
+    seen = np.isfinite(uv).all(axis=1) & np.repeat(scan.texture_of_face >= 0, 3)
+    row = np.where(seen, np.cumsum(seen) - 1, -1).astype(np.int32)
+    return of_triangles(scan.mesh.faces, uv[seen], row.reshape(-1, 3))
 
 
 def _glb(scan: Scan, photo: bytes | None) -> bytes:
