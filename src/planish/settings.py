@@ -18,6 +18,16 @@ Shading = Literal["geometry", "background", "none"]
 Rotation = Literal["auto", "0", "90", "180", "270"]
 PhotoShape = Literal["auto", "text-lines", "borders", "shading", "polynomial"]
 Paper = Literal["unknown", "a3", "a4", "a5", "letter", "legal"]
+PAPERS_MM = {
+    "a3": (297.0, 420.0),
+    "a4": (210.0, 297.0),
+    "a5": (148.0, 210.0),
+    "letter": (215.9, 279.4),
+    "legal": (215.9, 355.6),
+}
+"""The shorter side and the longer one."""
+USUAL_SHEET_MM = 297.0
+"""Long side that a sheet of unknown size is taken to have: that of A4."""
 Units = str
 """auto, mm, cm, m, in, or the length of a step of 1 in the file's numbers, such as 7.91um."""
 NamedUnits = Literal["auto", "mm", "cm", "m", "in"]
@@ -277,7 +287,7 @@ class RestoreSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class PhotoSettings:
-    """Estimation of shape and size of a sheet from one photo.
+    """Estimation of shape and size of a sheet from its photos.
 
     Attributes
     ----------
@@ -289,17 +299,24 @@ class PhotoSettings:
         Width of the sheet, or of the rendered part if its borders are not visible. One photo does not determine it.
     paper : {"unknown", "a3", "a4", "a5", "letter", "legal"}
         Size of the sheet, if all of its borders are visible; it also corrects the aspect ratio.
+    marker_mm : float, optional
+        With several photos: side of the black squares of printed ArUco markers (DICT_4X4_50) beside the sheet, such
+        as the card of `planish calibrate card`.
     """
 
     shape: PhotoShape = "auto"
     width_mm: float | None = None
     paper: Paper = "unknown"
+    marker_mm: float | None = None
 
     def __post_init__(self) -> None:
         if self.width_mm is not None and not 1 <= self.width_mm <= 10_000:
             raise UsageError(f"width_mm must be between 1 and 10000, not {self.width_mm}")
-        if self.width_mm is not None and self.paper != "unknown":
-            raise UsageError("give width_mm or paper, not both: each determines the size of the sheet")
+        if self.marker_mm is not None and not 1 <= self.marker_mm <= 1000:
+            raise UsageError(f"marker_mm must be between 1 and 1000, not {self.marker_mm}")
+        given = [self.width_mm is not None, self.paper != "unknown", self.marker_mm is not None]
+        if sum(given) > 1:
+            raise UsageError("give one of width_mm, paper and marker_mm: each determines the size of the sheet")
 
 
 @dataclass(frozen=True, kw_only=True)

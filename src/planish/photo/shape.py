@@ -18,7 +18,7 @@ from planish.photo.report import photo_report
 from planish.photo.shading import from_shading
 from planish.photo.surface import make_scan
 from planish.photo.working_image import working_image
-from planish.settings import PhotoSettings
+from planish.settings import PAPERS_MM, USUAL_SHEET_MM, PhotoSettings
 from planish.types import Diagnostic, Floats, PhotoReport, Pixels, Scan
 
 USUAL_FOCAL = 0.8
@@ -27,15 +27,6 @@ USUAL_FOCAL = 0.8
 LETTER_MM = 2.0
 """Typical mean height of printed letters in books and correspondence; the page size is guessed from it where borders
 are not visible."""
-SHEET_MM = 297.0
-"""Guessed long side of a whole sheet: A4."""
-PAPERS_MM = {
-    "a3": (297.0, 420.0),
-    "a4": (210.0, 297.0),
-    "a5": (148.0, 210.0),
-    "letter": (215.9, 279.4),
-    "legal": (215.9, 355.6),
-}
 FEWEST_LINES = 3
 FEWEST_LETTERS = 25
 """Least lines and letters for fitting a shape without borders."""
@@ -169,5 +160,5 @@ def _mm_per_unit(sheet: FittedSheet, lines: TextLines | None, s: PhotoSettings) 
     if s.paper != "unknown":
         return float(PAPERS_MM[s.paper][1] / max(width, height))
     if sheet.bordered or lines is None:
-        return float(SHEET_MM / max(width, height))
+        return float(USUAL_SHEET_MM / max(width, height))
     return float(LETTER_MM / np.median(lines.height) * sheet.cylinder.focal)

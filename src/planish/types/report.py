@@ -48,6 +48,8 @@ class ScanReport:
         Distance over which the noise of two points is alike (correlation 1/2); None where there is no noise.
     spikes : int
         Points far off the surface, which were not counted.
+    measured_fraction : float or None
+        Part of the sheet's area that was measured rather than bridged, where the scan was made from photos.
     """
 
     points: int
@@ -58,6 +60,7 @@ class ScanReport:
     noise_mm: float | None = None
     noise_length_mm: float | None = None
     spikes: int = 0
+    measured_fraction: float | None = None
 
 
 @dataclass(frozen=True)
@@ -217,6 +220,44 @@ class PhotoReport:
 
 
 @dataclass(frozen=True)
+class PhotosReport:
+    """The surface of a sheet as measured by several photos.
+
+    Attributes
+    ----------
+    photos, used : int
+        How many were given, and how many could be placed.
+    left_out : list of str
+        Names of the others.
+    scale : str
+        Origin of the size in mm: "marker", "paper", "width", "cameras" or "unknown" (taken to be about A4).
+    scale_error : float or None
+        Standard error of the size, relative to it; None where it is unknown.
+    focal_px : float [photo px]
+        Of the first photo used.
+    reprojection_px : float
+        Mean distance of features from where their points are projected.
+    angle_deg : float
+        Median of the largest angle between the rays to a point.
+    measured_fraction : float
+        Part of the sheet's area where photos were compared; the rest is bridged smoothly, as blank paper is.
+    surface_error_mm : float
+        Standard deviation of the measured places, typical.
+    """
+
+    photos: int
+    used: int
+    left_out: list[str]
+    scale: str
+    scale_error: float | None
+    focal_px: float
+    reprojection_px: float
+    angle_deg: float
+    measured_fraction: float
+    surface_error_mm: float
+
+
+@dataclass(frozen=True)
 class Criterion:
     """One quality figure of a page and the limits set for it by a guideline.
 
@@ -285,6 +326,8 @@ class Report:
         SHA-256 in hexadecimal, by name, of the files that the scan was read from.
     photo : PhotoReport or None
         Where the shape came from a photo.
+    photos : PhotosReport or None
+        Where it came from several.
     guideline : GuidelineReport or None
         Where the page stands in the FADGI guidelines.
     settings : RestoreSettings or None
@@ -305,6 +348,7 @@ class Report:
     spine: Spine | None = None
     sources: dict[str, str] = field(default_factory=dict)
     photo: PhotoReport | None = None
+    photos: PhotosReport | None = None
     guideline: GuidelineReport | None = None
     settings: RestoreSettings | None = None
 

@@ -69,6 +69,11 @@ class CameraPoses:
 
     __repr__ = one_line
 
+    def scaled(self, factor: float) -> CameraPoses:
+        """The same in another unit."""
+        cameras = tuple(c and replace(c, translation=factor * c.translation) for c in self.cameras)
+        return replace(self, cameras=cameras, points=factor * self.points)
+
 
 def import_pycolmap() -> Any:
     """Import pycolmap.

@@ -47,6 +47,7 @@ SIGMA_PX = 0.1
 MARGIN = 0.25
 RIM_CELLS = 5
 AGREEMENT = 0.6
+NEAR_POINTS = 4.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,6 +88,10 @@ class SheetSurface:
     measured: Measured
     seen: Bools
     pixel_mm: float
+
+    def within_points(self, nodes: Floats) -> Floats:
+        """Positive for nodes (n, 3) near what was measured: the sheet's extent where no outline was found."""
+        return NEAR_POINTS * self.grid.spacing - cKDTree(self.measured.points).query(nodes)[0]
 
 
 def find_surface(

@@ -1,0 +1,300 @@
+"""From photos of a sheet, taken from around, to a scan at true size."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from planish.acquire.grid_mesh import AcquiredScan
+from planish.acquire.photos.camera_poses import CameraPoses, Lens, find_camera_poses
+from planish.acquire.photos.marker_scale import scale_from_markers
+from planish.acquire.photos.markers import find_markers
+from planish.acquire.photos.outline import clip_mesh, distance_inside
+from planish.acquire.photos.paper import Paper, find_paper
+from planish.acquire.photos.surface import SheetSurface, find_surface
+from planish.color import to_grey, to_uint8
+from planish.errors import InputError, UsageError
+from planish.geometry import depths, project
+from planish.mesh import area_vectors, without_small_components
+from planish.settings import PAPERS_MM, USUAL_SHEET_MM, PhotoSettings
+from planish.types import Camera, Diagnostic, Floats, Mesh, PhotosReport, Pixels, Scan, View
+
+USUAL_FOCAL = 0.8
+"""Focal length, in long sides of the photo, where nothing is known of it."""
+FEWEST_VIEWS = 3
+"""Points seen by fewer photos are not believed where there are more than three: two rays always nearly meet somewhere
+along an epipolar line."""
+FEWEST_POINTS = 60
+NEAR_CELLS = 3.0
+"""Places of the sheet are measured if something was, so near to them."""
+PAPER_ERROR = 5e-4
+"""Of the size from a paper's format: sheets are cut to a tenth of a millimetre or two."""
+
+
+@dataclass(frozen=True, eq=False)
+class SourcePhoto:
+    """A photo as it came from a camera.
+
+    Attributes
+    ----------
+    name : str
+    pixels : (rows, cols, 3) uint8 or uint16
+        In the orientation of the sensor, if that is known.
+    focal_px : float or None
+        From EXIF.
+    lens : Camera or None
+        A calibrated lens; its pose does not count.
+    icc : bytes or None
+    """
+
+    name: str
+    pixels: Pixels
+    focal_px: float | None = None
+    lens: Camera | None = None
+    icc: bytes | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class PhotosScan:
+    """A scan made from photos.
+
+    Attributes
+    ----------
+    acquired : AcquiredScan
+        `confidence` is 1 where the surface was measured, and falls to 0 where it is bridged.
+    views : (n,) int32
+        How many photos see each point of the mesh.
+    report : PhotosReport
+    """
+
+    acquired: AcquiredScan
+    views: NDArray[np.int32]
+    report: PhotosReport
+
+
+def from_photos(
+    photos: Sequence[SourcePhoto],
+    settings: PhotoSettings | None = None,
+    *,
+    cameras: Sequence[Camera] | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> PhotosScan:
+    """Measure the surface of a sheet from photos of it.
+
+    Cameras come from structure from motion, the surface from patches compared across the photos, the outline from
+    paper against ground, the size from markers, from the paper's format, or from the cameras where they are known.
+
+    Parameters
+    ----------
+    photos : sequence of SourcePhoto
+        Two or more, in any order, of the sheet lying still.
+    settings : PhotoSettings, optional
+        `paper` and `marker_mm` set the size; `width_mm` must be applied afterwards, when it is known which way is up.
+    cameras : sequence of Camera, optional
+        Of all photos, in mm, where they are known.
+    progress : callable, optional
+        Called with the share done.
+
+    Raises
+    ------
+    InputError
+        If the photos do not show one sheet from several sides.
+    MissingExtraError
+        If pycolmap is not installed.
+    """
+    s = settings or PhotoSettings()
+    done = progress or (lambda share: None)
+    if len(photos) < 2:
+        raise UsageError("several photos are needed to measure a sheet; one alone is a matter of `planish.photo`")
+    photos, cameras = _landscape(photos, cameras)
+    grey = [to_grey(photo.pixels) for photo in photos]
+    poses = _poses(photos, grey, cameras)
+    done(0.4)
+    used = [k for k, camera in enumerate(poses.cameras) if camera is not None]
+    left_out = [photo.name for k, photo in enumerate(photos) if k not in used]
+    papers = [find_paper(to_uint8(photos[k].pixels)) for k in used]
+    poses, scale, scale_error, warnings = _to_mm(poses, photos, papers, used, s, known=cameras is not None)
+    placed = [camera for camera in poses.cameras if camera is not None]
+    points = _points_of_sheet(poses, placed, papers)
+    done(0.5)
+    blanked = [_blanked(grey[k], paper) for k, paper in zip(used, papers, strict=True)]
+    surface = find_surface(blanked, papers, placed, points, lambda share: done(0.5 + 0.5 * share))
+    mesh, views, near = _cut_out(surface)
+    if s.paper != "unknown":
+        factor = float(np.sqrt(np.prod(PAPERS_MM[s.paper]) / _area(mesh)))
+        scale, scale_error = "paper", PAPER_ERROR
+    elif scale == "unknown":
+        factor = USUAL_SHEET_MM / _long_side(mesh)
+    else:
+        factor = 1.0
+    mesh = Mesh.owned(factor * mesh.points, mesh.faces)
+    placed = [replace(camera, translation=factor * camera.translation) for camera in placed]
+    measured = np.clip(2 - near / (NEAR_CELLS * surface.grid.spacing), 0, 1)
+    area = np.linalg.norm(area_vectors(mesh.points, mesh.faces), axis=1)
+    error = factor * float(np.median(surface.measured.sigma))
+    report = PhotosReport(
+        photos=len(photos),
+        used=len(used),
+        left_out=left_out,
+        scale=scale,
+        scale_error=scale_error,
+        focal_px=float(placed[0].matrix[0, 0]),
+        reprojection_px=poses.error_px,
+        angle_deg=poses.angle_deg,
+        measured_fraction=float(area @ (measured[mesh.faces].mean(axis=1) > 0.5) / area.sum()),
+        surface_error_mm=error,
+    )
+    scan = _scan(mesh, [photos[k] for k in used], placed)
+    warnings += _notes(report, papers, [photos[k].name for k in used], len(photos))
+    return PhotosScan(AcquiredScan(scan, measured, error, tuple(warnings)), views, report)
+
+
+def _landscape(
+    photos: Sequence[SourcePhoto], cameras: Sequence[Camera] | None
+) -> tuple[list[SourcePhoto], Sequence[Camera] | None]:
+    """Turn upright photos on their side, so that all photos of one lens have one shape; known cameras need none."""
+    if cameras is not None:
+        return list(photos), cameras
+    turned = [
+        replace(photo, pixels=np.ascontiguousarray(np.rot90(photo.pixels)))
+        if photo.pixels.shape[0] > photo.pixels.shape[1] and photo.lens is None
+        else photo
+        for photo in photos
+    ]
+    return turned, None
+
+
+def _poses(
+    photos: Sequence[SourcePhoto], grey: Sequence[NDArray[np.uint8]], cameras: Sequence[Camera] | None
+) -> CameraPoses:
+    """Where the photos were taken; those of equal size and focal length share a lens."""
+    kinds: dict[tuple[object, ...], int] = {}
+    lenses: list[Lens] = []
+    lens_of_photo = []
+    for photo in photos:
+        shape = photo.pixels.shape[0], photo.pixels.shape[1]
+        key = (shape, None if photo.focal_px is None else round(photo.focal_px), id(photo.lens))
+        if key not in kinds:
+            kinds[key] = len(lenses)
+            lenses.append(Lens(shape, photo.focal_px or USUAL_FOCAL * max(shape), photo.lens))
+        lens_of_photo.append(kinds[key])
+    return find_camera_poses(grey, lens_of_photo, lenses, cameras)
+
+
+def _to_mm(
+    poses: CameraPoses,
+    photos: Sequence[SourcePhoto],
+    papers: Sequence[Paper | None],
+    used: Sequence[int],
+    settings: PhotoSettings,
+    *,
+    known: bool,
+) -> tuple[CameraPoses, str, float | None, list[Diagnostic]]:
+    """The cameras in mm: by markers, as they are known, or so that the sheet is about as large as A4."""
+    warnings: list[Diagnostic] = []
+    if settings.marker_mm is not None:
+        markers = [find_markers(photo.pixels) for photo in photos]
+        found = scale_from_markers(markers, poses.cameras, settings.marker_mm)
+        if found is None:
+            raise InputError(
+                "no ArUco marker of DICT_4X4_50 is seen by two of the photos, so the size is not known",
+                "lay the card of `planish calibrate card` beside the sheet, or give {paper}",
+            )
+        if found.refused:
+            numbers = ", ".join(str(n) for n in found.refused)
+            sentence = f"markers of another size than the rest were left out: number {numbers}"
+            warnings.append(Diagnostic("markers-refused", sentence))
+        return poses.scaled(found.factor), "marker", found.relative_error, warnings
+    if known:
+        return poses, "cameras", poses.error_px / float(photos[used[0]].pixels.shape[1]), warnings
+    extent = float(np.linalg.norm(np.quantile(poses.points, 0.95, axis=0) - np.quantile(poses.points, 0.05, axis=0)))
+    return poses.scaled(USUAL_SHEET_MM / extent), "unknown", None, warnings
+
+
+def _points_of_sheet(poses: CameraPoses, cameras: Sequence[Camera], papers: Sequence[Paper | None]) -> Floats:
+    """Points on the sheet: within its outline in most photos, and seen by enough of them."""
+    sure = poses.views >= min(FEWEST_VIEWS, len(cameras) - 1)
+    points = poses.points[sure]
+    if any(paper is not None for paper in papers):
+        everywhere = np.ones((len(points), len(cameras)), bool)
+        points = points[np.nan_to_num(distance_inside(points, everywhere, cameras, papers), nan=-1) > 0]
+    if len(points) < FEWEST_POINTS:
+        raise InputError(
+            f"only {len(points)} places of the sheet were found again in the photos; take more photos, from nearer, in "
+            "good light, each overlapping the others"
+        )
+    return points
+
+
+def _blanked(grey: NDArray[np.uint8], paper: Paper | None) -> NDArray[np.float32]:
+    return grey.astype(np.float32) if paper is None else grey * paper.share
+
+
+def _cut_out(surface: SheetSurface) -> tuple[Mesh, NDArray[np.int32], Floats]:
+    """The sheet within its outline: mesh, photos that see each point, distance to what was measured."""
+    nodes = surface.grid.to_space(surface.heights)
+    inside = surface.inside_mm.ravel()
+    if not np.isfinite(inside).any():
+        inside = surface.within_points(nodes)
+    inside = np.nan_to_num(inside, nan=-surface.grid.spacing)
+    points, faces, ends, _ = clip_mesh(nodes, surface.grid.faces(), inside)
+    if not len(faces):
+        raise InputError("nothing of the sheet's surface was found within its outline; is it seen by several photos?")
+    kept, faces = without_small_components(faces, len(points))
+    points, ends = points[kept], ends[kept]
+    views = surface.seen.sum(axis=1)[ends].max(axis=1).astype(np.int32)
+    near = cKDTree(surface.measured.points).query(points)[0]
+    return Mesh.owned(points, faces), views, near
+
+
+def _area(mesh: Mesh) -> float:
+    return float(np.linalg.norm(area_vectors(mesh.points, mesh.faces), axis=1).sum())
+
+
+def _long_side(mesh: Mesh) -> float:
+    return float(np.sqrt(_area(mesh) * np.sqrt(2)))
+
+
+def _scan(mesh: Mesh, photos: Sequence[SourcePhoto], cameras: Sequence[Camera]) -> Scan:
+    """The photo that shows the sheet largest comes first."""
+    sizes = [float(np.median(camera.matrix[0, 0] / depths(camera, mesh.points))) for camera in cameras]
+    first = int(np.argmax(sizes))
+    rest = [k for k in range(len(photos)) if k != first]
+    return Scan(
+        mesh,
+        photos[first].pixels,
+        project(cameras[first], mesh.points),
+        cameras[first],
+        icc=photos[first].icc,
+        others=tuple(View(photos[k].pixels, cameras[k]) for k in rest),
+    )
+
+
+def _notes(
+    report: PhotosReport, papers: Sequence[Paper | None], names: Sequence[str], count: int
+) -> list[Diagnostic]:
+    """What a user should know of the photos, the gravest first."""
+    notes = []
+    if report.scale == "unknown":
+        notes.append(
+            Diagnostic(
+                "scale-unknown",
+                "photos alone do not tell how large the sheet is, so the page has no true size",
+                "give {marker_mm} with a printed marker beside the sheet, {paper} or {width_mm}",
+            )
+        )
+    if report.left_out:
+        sentence = (
+            f"{len(report.left_out)} of {count} photos show too little in common with the others and were left out: "
+            f"{', '.join(report.left_out)}"
+        )
+        notes.append(Diagnostic("photos-left-out", sentence))
+    plain = [name for name, paper in zip(names, papers, strict=True) if paper is None]
+    if len(plain) == len(names):
+        sentence = "the sheet does not stand out from its ground on any photo, so its borders are those of its print"
+        notes.append(Diagnostic("sheet-not-found", sentence, "lay it on something of another colour"))
+    return notes
