@@ -1,4 +1,4 @@
-"""`planish photo`: restore the page from a photo, without a scan."""
+"""`planish photo`: restore the page from one photo or several, without a scan."""
 
 from __future__ import annotations
 
@@ -14,10 +14,11 @@ Flags = Parameter(name="*")
 
 
 def photo(
-    photo: Path,
+    photos: Annotated[list[Path], Parameter(name="PHOTOS")],
     /,
     *,
     output: Output,
+    camera: Path | None = None,
     shape: Annotated[PhotoSettings, Flags] = PhotoSettings(),
     rendering: Annotated[RenderSettings, Flags] = RenderSettings(dpi="auto"),
     shading: Annotated[ShadingSettings, Flags] = ShadingSettings(shading="background"),
@@ -30,16 +31,23 @@ def photo(
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> bool:
-    """Flatten the page in a single photo, without a scan.
+    """Flatten the page in photos of a sheet, without a scanner.
 
-    The shape is estimated from text lines and the borders of the sheet. Warnings name what one photo cannot determine.
+    Several photos from around (better eight to twelve) measure the sheet; this needs the extra `planish[photos]`. From
+    one photo its shape is estimated from text lines and the borders of the sheet, and warnings name what one photo
+    cannot determine.
 
     Parameters
     ----------
-    photo
-        The photo: JPEG, PNG, TIFF, WebP, BMP, JPEG 2000 or PPM.
+    photos
+        One photo, or several of the same sheet lying still, or a folder of them: JPEG, PNG, TIFF, WebP, BMP, JPEG 2000
+        or PPM; with the extra `planish[photos]` also HEIC and raw.
     output
-        The page to write: .tif, .png, .jpg or .pdf; with its dpi as metadata if --width-mm or --paper is given.
+        The page to write: .tif, .png, .jpg or .pdf; with its dpi as metadata if --marker-mm, --width-mm or --paper is
+        given.
+    camera
+        With several photos: one calibrated lens that took all of them (JSON), or a file with the cameras of all photos
+        by name. Default: found from the photos.
     rotate
         auto: upright text; without text, portrait format with the photo's top up. A number: clockwise rotation in
         degrees from the orientation of the photo.
@@ -60,23 +68,28 @@ def photo(
     from time import perf_counter
 
     from planish.cli.console import print_report, progress_bar
+    from planish.cli.photo_shape import shape_of_one, shape_of_several
     from planish.errors import UsageError
     from planish.io import (
         all_or_nothing,
         check_page_name,
         check_writable,
-        focal_length_px,
-        read_photo,
         way_up,
         write_json,
         write_page,
         write_unscaled_page,
     )
+    from planish.io.photo_set import photo_files
     from planish.job.stage_images import write_stages
-    from planish.photo import find_shape
     from planish.pipeline import restore
     from planish.settings import RestoreSettings
 
+    files = photo_files(photos)
+    several = len(files) > 1
+    if not several and (camera is not None or shape.marker_mm is not None):
+        raise UsageError("--camera and --marker-mm are for several photos of a sheet; one photo was given")
+    if several and shape.shape != "auto":
+        raise UsageError(f"--shape {shape.shape} is for one photo; several photos measure the shape")
     for path in (output, *([binary] if binary is not None else [])):
         check_page_name(path)
     if binary is not None and binarizing.binarize == "none":
@@ -90,39 +103,20 @@ def photo(
         binarizing = replace(binarizing, binarize="none")
     settings = RestoreSettings(render=rendering, shading=shading, binarize=binarizing, rotate=rotate)
     with progress_bar(quiet=quiet) as progress, all_or_nothing():
-        start = perf_counter()
-        progress("read", 0.0)
-        photo_image = read_photo(photo, upright=True)
-        read_seconds = perf_counter() - start
-        start = perf_counter()
-        progress("shape", 0.0)
-        sheet = find_shape(photo_image.pixels, shape, focal_px=focal_length_px(photo), icc=photo_image.icc)
-        shape_seconds = perf_counter() - start
+        sheet = shape_of_several(files, shape, camera, progress) if several else shape_of_one(files[0], shape, progress)
         restoration = restore(sheet.scan, settings, progress, way_up)
         start = perf_counter()
         progress("write", 0.0)
         page = restoration.page
         assert page is not None
-        write = write_unscaled_page if sheet.report.scale == "unknown" else write_page
+        write = write_page if sheet.scaled else write_unscaled_page
         write(output, page)
         if binary is not None:
             assert restoration.binary is not None
             write(binary, restoration.binary)
         if stages is not None:
             outputs += write_stages(stages, restoration)
-        seconds = {
-            "read": read_seconds,
-            "shape": shape_seconds,
-            **restoration.report.seconds,
-            "write": perf_counter() - start,
-        }
-        final_report = replace(
-            restoration.report,
-            photo=sheet.report,
-            seconds=seconds,
-            seconds_total=sum(seconds.values()),
-            warnings=[*photo_image.warnings, *sheet.warnings, *restoration.report.warnings],
-        )
+        final_report = sheet.completed(restoration, perf_counter() - start)
         if report is not None:
             write_json(report, final_report)
     print_report(final_report, [str(path) for path in outputs], quiet=quiet, verbose=verbose)

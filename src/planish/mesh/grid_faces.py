@@ -43,8 +43,17 @@ def grid_faces(index: Ints, points: Floats, greatest_step: float = np.inf) -> In
     return np.ascontiguousarray(faces[np.ptp(points[faces][..., -1], axis=1) <= greatest_step])
 
 
-def without_small_components(faces: Ints, point_count: int) -> tuple[NDArray[np.int64], Ints]:
+def without_small_components(
+    faces: Ints, point_count: int, *, only_largest: bool = False
+) -> tuple[NDArray[np.int64], Ints]:
     """Drop pieces that hang together with the rest by less than an edge and are small, and points without faces.
+
+    Parameters
+    ----------
+    faces : (m, 3) int32
+    point_count : int
+    only_largest : bool
+        Drop all but the piece with the most faces.
 
     Returns
     -------
@@ -57,7 +66,8 @@ def without_small_components(faces: Ints, point_count: int) -> tuple[NDArray[np.
     pairs = pairs[pairs[:, 1] >= 0]
     links = sparse.coo_matrix((np.ones(len(pairs), bool), tuple(pairs.T)), shape=(len(faces), len(faces)))
     piece = sparse.csgraph.connected_components(links, directed=False)[1]
-    faces = faces[np.bincount(piece)[piece] >= CRUMB * len(faces)]
+    size = np.bincount(piece)
+    faces = faces[piece == size.argmax() if only_largest else size[piece] >= CRUMB * len(faces)]
     used = np.zeros(point_count, bool)
     used[faces] = True
     return np.flatnonzero(used), (np.cumsum(used, dtype=np.int32) - 1)[faces]

@@ -10,11 +10,12 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from planish.acquire.photos.features import find_features
+from planish.acquire.photos.features import Features, find_features
 from planish.display.one_line import one_line
 from planish.errors import InputError, MissingExtraError
-from planish.types import Camera, Floats, Pixels
+from planish.types import Camera, Floats
 
 SEED = 1
 MIN_MATCHES = 15
@@ -63,7 +64,7 @@ class CameraPoses:
 
     cameras: tuple[Camera | None, ...]
     points: Floats
-    views: np.ndarray[Any, np.dtype[np.int32]]
+    views: NDArray[np.int32]
     error_px: float
     angle_deg: float
 
@@ -93,7 +94,10 @@ def import_pycolmap() -> Any:
 
 
 def find_camera_poses(
-    photos: Sequence[Pixels], lens_of_photo: Sequence[int], lenses: Sequence[Lens], known: Sequence[Camera] | None = None
+    photos: Sequence[NDArray[np.uint8]],
+    lens_of_photo: Sequence[int],
+    lenses: Sequence[Lens],
+    known: Sequence[Camera] | None = None,
 ) -> CameraPoses:
     """Find where photos were taken, from what they show in common.
 
@@ -149,7 +153,7 @@ def _quiet(pycolmap: Any) -> Iterator[None]:
 def _write_features(
     pycolmap: Any,
     path: Path,
-    features: Sequence[tuple[Floats, Floats]],
+    features: Sequence[Features],
     lens_of_photo: Sequence[int],
     lenses: Sequence[Lens],
     known: Sequence[Camera] | None,
@@ -177,16 +181,12 @@ def _colmap_camera(pycolmap: Any, camera: Camera | None, lens: Lens | None = Non
         assert lens is not None
         rows, cols = lens.shape_rc
         parameters = [lens.focal_px, cols / 2, rows / 2, 0, 0]
-        return pycolmap.Camera(
-            model="RADIAL", width=cols, height=rows, params=parameters, has_prior_focal_length=True
-        )
+        return pycolmap.Camera(model="RADIAL", width=cols, height=rows, params=parameters, has_prior_focal_length=True)
     rows, cols = camera.shape_rc
     k1, k2, p1, p2, *more = np.concatenate([camera.distortion, np.zeros(8)])[:8]
     matrix = camera.matrix
     parameters = [matrix[0, 0], matrix[1, 1], matrix[0, 2] + 0.5, matrix[1, 2] + 0.5, k1, k2, p1, p2, *more]
-    return pycolmap.Camera(
-        model="FULL_OPENCV", width=cols, height=rows, params=parameters, has_prior_focal_length=True
-    )
+    return pycolmap.Camera(model="FULL_OPENCV", width=cols, height=rows, params=parameters, has_prior_focal_length=True)
 
 
 def _map(pycolmap: Any, database: Path, folder: Path, lens_ids: Sequence[int], lenses: Sequence[Lens]) -> Any:
@@ -209,9 +209,7 @@ def _triangulate(pycolmap: Any, database: Path, folder: Path, known: Sequence[Ca
             pose = pycolmap.Rigid3d(np.column_stack([camera.rotation, np.ravel(camera.translation)]))
             model.add_image_with_trivial_frame(image, pose)
     options = pycolmap.IncrementalPipelineOptions(extract_colors=False, random_seed=SEED)
-    return pycolmap.triangulate_points(
-        model, database, folder, folder, options=options, refine_intrinsics=False
-    )
+    return pycolmap.triangulate_points(model, database, folder, folder, options=options, refine_intrinsics=False)
 
 
 def _collect(
@@ -244,9 +242,9 @@ def _collect(
     )
     if found.angle_deg < MIN_ANGLE_DEG:
         raise InputError(
-            f"the photos were taken from nearly the same place: their rays meet at {found.angle_deg:.1f} degrees, which "
-            "tells no depth; walk around the sheet, so that each photo looks from another side, 20 to 40 degrees off "
-            "the vertical"
+            f"the photos were taken from nearly the same place: their rays meet at {found.angle_deg:.1f} degrees, "
+            "which tells no depth; walk around the sheet, so that each photo looks from another side, 20 to 40 degrees "
+            "off the vertical"
         )
     return found
 

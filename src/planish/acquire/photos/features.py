@@ -9,12 +9,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from planish.types import Pixels
+Features = tuple[NDArray[np.float32], NDArray[np.uint8]]
 
 LONG_SIDE_PX = 1600
-"""Photos are reduced to this long side first. On ten photos of 7 megapixels of a typeset page this gave 4,400 points and
-cameras true to 0.08 mm; the whole photos gave 5,700 and took three times as long. Small features are parts of letters
-that stand a hundred times on a page, and match by chance."""
+"""Photos are reduced to this long side first. On ten photos of 7 megapixels of a typeset page this gave 4,400 points
+and cameras true to 0.08 mm; the whole photos gave 5,700 and took three times as long. Small features are parts of
+letters that stand a hundred times on a page, and match by chance."""
 
 MOST = 8192
 """Features kept of a photo, the largest first."""
@@ -23,7 +23,7 @@ CONTRAST = 0.02
 """Half of OpenCV's threshold, since paper in shade has little contrast."""
 
 
-def find_features(photos: Sequence[Pixels]) -> list[tuple[NDArray[np.float32], NDArray[np.uint8]]]:
+def find_features(photos: Sequence[NDArray[np.uint8]]) -> list[Features]:
     """Find the features of photos.
 
     Parameters
@@ -40,12 +40,12 @@ def find_features(photos: Sequence[Pixels]) -> list[tuple[NDArray[np.float32], N
         return list(pool.map(_features, photos))
 
 
-def _features(photo: Pixels) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
+def _features(photo: NDArray[np.uint8]) -> Features:
     rows, cols = photo.shape
     scale = min(1.0, LONG_SIDE_PX / max(rows, cols))
     size = max(1, round(cols * scale)), max(1, round(rows * scale))
     small = photo if scale == 1.0 else cv2.resize(photo, size, interpolation=cv2.INTER_AREA)
-    points, descriptors = cv2.SIFT_create(contrastThreshold=CONTRAST).detectAndCompute(small, None)
+    points, descriptors = cv2.SIFT.create(contrastThreshold=CONTRAST).detectAndCompute(small, None)
     if descriptors is None:
         return np.zeros((0, 4), np.float32), np.zeros((0, 128), np.uint8)
     each = np.array([[*point.pt, point.size / 2, np.radians(point.angle)] for point in points])

@@ -144,8 +144,10 @@ def fit_heights(
         stiff = sum(b.T @ sparse.diags(stiffness * bend_weight) @ b for b in bends)
         matrix = (data @ at + stiff + RANK * sparse.eye(size)).tocsc()
         right = data @ measured + RANK * z
-        solved = None if factors is None else cg(
-            matrix, right, z, rtol=TOLERANCE, maxiter=MOST_STEPS, M=LinearOperator(matrix.shape, factors.solve)
+        solved = (
+            None
+            if factors is None
+            else cg(matrix, right, z, rtol=TOLERANCE, maxiter=MOST_STEPS, M=LinearOperator(matrix.shape, factors.solve))
         )
         if solved is None or solved[1] != 0:  # the weights have changed too much: factorize anew
             factors = splu(matrix, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})

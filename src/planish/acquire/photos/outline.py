@@ -15,9 +15,7 @@ SNAP = 0.1
 """Nodes closer to the outline than this share of an edge count as on it, which avoids slivers."""
 
 
-def distance_inside(
-    points: Floats, seen: Bools, cameras: Sequence[Camera], papers: Sequence[Paper | None]
-) -> Floats:
+def distance_inside(points: Floats, seen: Bools, cameras: Sequence[Camera], papers: Sequence[Paper | None]) -> Floats:
     """How far inside of the outline points lie [mm]: the median over the photos that see them.
 
     Parameters
@@ -87,10 +85,10 @@ def clip_mesh(points: Floats, faces: Ints, inside: Floats) -> tuple[Floats, Ints
     ends = np.concatenate([np.stack([np.arange(len(points))] * 2, axis=1), crossed])
     share = np.concatenate([np.zeros(len(points)), share])
     all_faces = np.concatenate([kept, np.array(new, np.int32).reshape(-1, 3)])
-    used, faces = np.unique(all_faces, return_inverse=True)
+    used, corners = np.unique(all_faces, return_inverse=True)
     ends, share = ends[used].astype(np.int32), share[used]
     cut_points = points[ends[:, 0]] + share[:, None] * (points[ends[:, 1]] - points[ends[:, 0]])
-    return cut_points, faces.reshape(-1, 3).astype(np.int32), ends, share
+    return cut_points, corners.reshape(-1, 3).astype(np.int32), ends, share
 
 
 def _parts(face: Ints, value: Floats, number: dict[tuple[int, int], int]) -> list[tuple[int, int, int]]:

@@ -8,7 +8,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from planish.color import linear_light
 from planish.document.sheet_outline import find_sheet
+from planish.geometry.guards import TINY_SHARE
 from planish.types import Bools, Pixels
 
 MASK_PX = 800
@@ -19,7 +21,7 @@ AROUND_PX = 6
 """Paper and ground beside the outline are averaged over so many of its pixels."""
 FARTHEST_PX = 80.0
 """Distances from the outline are kept up to so many pixels of the photo."""
-SHADE = 1.3
+SHADE = 1.5
 """Paper must be so much brighter than the ground beside it for the outline between them to be sought again."""
 
 
@@ -55,7 +57,8 @@ def find_paper(photo: Pixels, mask: Bools | None = None) -> Paper | None:
     found = find_sheet(photo, whole=True) if mask is None else mask
     if found is None:
         return None
-    share = _share_along(found, cv2.cvtColor(photo, cv2.COLOR_RGB2GRAY).astype(np.float32))
+    light = linear_light(256)[cv2.cvtColor(photo, cv2.COLOR_RGB2GRAY)]
+    share = _share_along(found, light)
     inside = share > 0.5
     away = _distance(inside) - _distance(~inside)
     sharp = np.where(np.abs(away) < 1.5, share - 0.5, away - 0.5 * np.sign(away))
@@ -66,8 +69,8 @@ def _distance(inside: Bools) -> NDArray[np.float32]:
     return np.asarray(cv2.distanceTransform(inside.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5), np.float32)
 
 
-def _share_along(found: Bools, grey: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Share of paper: the found mask, sought again along its outline."""
+def _share_along(found: Bools, light: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Share of paper: the found mask, sought again along its outline; shares of a pixel add in linear light."""
     scale = max(1.0, max(found.shape) / MASK_PX)
     band, around = round(BAND_PX * scale), round(AROUND_PX * scale)
     share = found.astype(np.float32)
@@ -79,17 +82,17 @@ def _share_along(found: Bools, grey: NDArray[np.float32]) -> NDArray[np.float32]
         return share
     reach = 2 * around
     box = np.s_[max(0, row.min() - reach) : row.max() + reach + 1, max(0, col.min() - reach) : col.max() + reach + 1]
-    paper = _mean_beside(grey[box], inside[box], around)
-    ground = _mean_beside(grey[box], outside[box], around)
-    between = np.clip((grey[box] - ground) / np.maximum(paper - ground, 1.0), 0, 1)
+    paper = _mean_beside(light[box], inside[box], around)
+    ground = _mean_beside(light[box], outside[box], around)
+    between = np.clip((light[box] - ground) / np.maximum(paper - ground, TINY_SHARE), 0, 1)
     sought = (inside[box] == 0) & (outside[box] == 0) & (paper > SHADE * ground)
     share[box][sought] = between[sought]
     return share
 
 
-def _mean_beside(grey: NDArray[np.float32], where: NDArray[np.uint8], reach: int) -> NDArray[np.float32]:
+def _mean_beside(light: NDArray[np.float32], where: NDArray[np.uint8], reach: int) -> NDArray[np.float32]:
     """Mean brightness of a region over a window of so many pixels on each side; 0 where it is not near."""
     size = (2 * reach + 1, 2 * reach + 1)
     count = cv2.boxFilter(where.astype(np.float32), -1, size, normalize=False)
-    total = cv2.boxFilter(grey * where, -1, size, normalize=False)
+    total = cv2.boxFilter(light * where, -1, size, normalize=False)
     return np.asarray(np.where(count > 0.5, total / np.maximum(count, 1), 0), np.float32)

@@ -47,7 +47,9 @@ class PhotoStack:
     cameras: Floats
 
 
-def stack_photos(photos: Sequence[NDArray[np.float32]], cameras: Sequence[Camera], scale: Sequence[float]) -> PhotoStack:
+def stack_photos(
+    photos: Sequence[NDArray[np.float32]], cameras: Sequence[Camera], scale: Sequence[float]
+) -> PhotoStack:
     """Stack photos that were scaled by `scale` after `cameras` took them."""
     sizes = [photo.size for photo in photos]
     numbers = np.zeros((len(photos), 24))
@@ -179,18 +181,16 @@ def _agreeing(  # type: ignore[no-untyped-def]
         best, most = -1, -2.0
         for k in range(tried):
             s = (k - steps) * step
-            many = _sample(
-                pixels, first, rows, cols, cameras, used, arms, patch, total, contrast, x + s * n0, y + s * n1, z + s * n2
-            )
+            xs, ys, zs = x + s * n0, y + s * n1, z + s * n2
+            many = _sample(pixels, first, rows, cols, cameras, used, arms, patch, total, contrast, xs, ys, zs)
             score[k] = _mean_correlation(total, many)
             if score[k] > most:
                 best, most = k, score[k]
         if turn == 1 or best < 0:
             break
         s = (best - steps) * step
-        many = _sample(
-            pixels, first, rows, cols, cameras, used, arms, patch, total, contrast, x + s * n0, y + s * n1, z + s * n2
-        )
+        xs, ys, zs = x + s * n0, y + s * n1, z + s * n2
+        many = _sample(pixels, first, rows, cols, cameras, used, arms, patch, total, contrast, xs, ys, zs)
         dropped = False
         for v in range(len(first)):
             if used[v]:
@@ -227,7 +227,7 @@ def _sample(pixels, first, rows, cols, cameras, used, arms, patch, total, contra
 
 @njit(cache=True, nogil=True)
 def _one_patch(pixels, start, width, c, r, arm, out):  # type: ignore[no-untyped-def]
-    """Bilinear samples around a place, their mean taken out, of length 1; returns their standard deviation, 0 if blank."""
+    """Bilinear samples around a place, less their mean, of length 1; returns their standard deviation, 0 if blank."""
     k = 0
     mean = 0.0
     for i in range(-RADIUS, RADIUS + 1):

@@ -75,6 +75,24 @@ class PhotosScan:
     views: NDArray[np.int32]
     report: PhotosReport
 
+    def scaled(self, factor: float, scale: str, scale_error: float) -> PhotosScan:
+        """The same at another size, from another source."""
+        scan, error = self.acquired.scan, factor * self.report.surface_error_mm
+        assert scan.camera is not None
+        cameras = [_scaled(camera, factor) for camera in (scan.camera, *(view.camera for view in scan.others))]
+        scan = replace(
+            scan,
+            mesh=Mesh.owned(factor * scan.mesh.points, scan.mesh.faces),
+            camera=cameras[0],
+            others=tuple(View.owned(v.photo, c) for v, c in zip(scan.others, cameras[1:], strict=True)),
+        )
+        known = tuple(note for note in self.acquired.warnings if note.code != "scale-unknown")
+        return replace(
+            self,
+            acquired=replace(self.acquired, scan=scan, noise_mm=error, warnings=known),
+            report=replace(self.report, scale=scale, scale_error=scale_error, surface_error_mm=error),
+        )
+
 
 def from_photos(
     photos: Sequence[SourcePhoto],
@@ -124,18 +142,9 @@ def from_photos(
     blanked = [_blanked(grey[k], paper) for k, paper in zip(used, papers, strict=True)]
     surface = find_surface(blanked, papers, placed, points, lambda share: done(0.5 + 0.5 * share))
     mesh, views, near = _cut_out(surface)
-    if s.paper != "unknown":
-        factor = float(np.sqrt(np.prod(PAPERS_MM[s.paper]) / _area(mesh)))
-        scale, scale_error = "paper", PAPER_ERROR
-    elif scale == "unknown":
-        factor = USUAL_SHEET_MM / _long_side(mesh)
-    else:
-        factor = 1.0
-    mesh = Mesh.owned(factor * mesh.points, mesh.faces)
-    placed = [replace(camera, translation=factor * camera.translation) for camera in placed]
     measured = np.clip(2 - near / (NEAR_CELLS * surface.grid.spacing), 0, 1)
     area = np.linalg.norm(area_vectors(mesh.points, mesh.faces), axis=1)
-    error = factor * float(np.median(surface.measured.sigma))
+    error = float(np.median(surface.measured.sigma))
     report = PhotosReport(
         photos=len(photos),
         used=len(used),
@@ -150,7 +159,10 @@ def from_photos(
     )
     scan = _scan(mesh, [photos[k] for k in used], placed)
     warnings += _notes(report, papers, [photos[k].name for k in used], len(photos))
-    return PhotosScan(AcquiredScan(scan, measured, error, tuple(warnings)), views, report)
+    found = PhotosScan(AcquiredScan(scan, measured, error, tuple(warnings)), views, report)
+    if s.paper != "unknown":
+        return found.scaled(float(np.sqrt(np.prod(PAPERS_MM[s.paper]) / _area(mesh))), "paper", PAPER_ERROR)
+    return found
 
 
 def _landscape(
@@ -159,13 +171,15 @@ def _landscape(
     """Turn upright photos on their side, so that all photos of one lens have one shape; known cameras need none."""
     if cameras is not None:
         return list(photos), cameras
-    turned = [
-        replace(photo, pixels=np.ascontiguousarray(np.rot90(photo.pixels)))
-        if photo.pixels.shape[0] > photo.pixels.shape[1] and photo.lens is None
-        else photo
-        for photo in photos
-    ]
+    turned = []
+    for photo in photos:
+        upright = photo.pixels.shape[0] > photo.pixels.shape[1] and photo.lens is None
+        turned.append(replace(photo, pixels=_on_its_side(photo.pixels)) if upright else photo)
     return turned, None
+
+
+def _on_its_side(pixels: Pixels) -> Pixels:
+    return np.ascontiguousarray(np.rot90(pixels))
 
 
 def _poses(
@@ -244,7 +258,7 @@ def _cut_out(surface: SheetSurface) -> tuple[Mesh, NDArray[np.int32], Floats]:
     points, faces, ends, _ = clip_mesh(nodes, surface.grid.faces(), inside)
     if not len(faces):
         raise InputError("nothing of the sheet's surface was found within its outline; is it seen by several photos?")
-    kept, faces = without_small_components(faces, len(points))
+    kept, faces = without_small_components(faces, len(points), only_largest=True)  # a card may stand apart
     points, ends = points[kept], ends[kept]
     views = surface.seen.sum(axis=1)[ends].max(axis=1).astype(np.int32)
     near = cKDTree(surface.measured.points).query(points)[0]
@@ -255,8 +269,8 @@ def _area(mesh: Mesh) -> float:
     return float(np.linalg.norm(area_vectors(mesh.points, mesh.faces), axis=1).sum())
 
 
-def _long_side(mesh: Mesh) -> float:
-    return float(np.sqrt(_area(mesh) * np.sqrt(2)))
+def _scaled(camera: Camera, factor: float) -> Camera:
+    return replace(camera, translation=factor * camera.translation)
 
 
 def _scan(mesh: Mesh, photos: Sequence[SourcePhoto], cameras: Sequence[Camera]) -> Scan:
@@ -274,9 +288,7 @@ def _scan(mesh: Mesh, photos: Sequence[SourcePhoto], cameras: Sequence[Camera]) 
     )
 
 
-def _notes(
-    report: PhotosReport, papers: Sequence[Paper | None], names: Sequence[str], count: int
-) -> list[Diagnostic]:
+def _notes(report: PhotosReport, papers: Sequence[Paper | None], names: Sequence[str], count: int) -> list[Diagnostic]:
     """What a user should know of the photos, the gravest first."""
     notes = []
     if report.scale == "unknown":

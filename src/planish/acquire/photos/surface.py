@@ -8,8 +8,7 @@ beforehand, so that the outline of the sheet is a pattern like any print, which 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from itertools import pairwise
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -20,12 +19,12 @@ from scipy.spatial import cKDTree
 from planish.acquire.photos.height_field import Grid, fit_heights, interpolation
 from planish.acquire.photos.outline import distance_inside
 from planish.acquire.photos.paper import Paper
-from planish.acquire.photos.patch_matching import RADIUS, match_patches, stack_photos
+from planish.acquire.photos.patch_matching import RADIUS, PhotoStack, match_patches, stack_photos
 from planish.acquire.photos.visibility import seen_nodes
 from planish.geometry import depths
 from planish.geometry.axes import principal_axes
 from planish.geometry.guards import normalize
-from planish.types import Bools, Camera, Floats, Ints
+from planish.types import Bools, Camera, Floats
 
 Grey = NDArray[np.float32]
 
@@ -41,13 +40,28 @@ class Level:
 
 
 LEVELS = (Level(300, 120, 10, 2), Level(600, 160, 5, 1), Level(1200, 200, 3, 1))
+STEP = 0.5
+"""Offsets tried, in samples: between photos 60 degrees apart a patch moves by as much."""
 STIFFNESS = 5.0
+"""[1 / px] Of the fit; see `fit_heights`."""
 SPARSE_SIGMA_PX = 0.5
+"""Standard deviation of the points that structure from motion found, in pixels of the photo."""
 SIGMA_PX = 0.1
+"""Least standard deviation of a match: cameras are not truer."""
 MARGIN = 0.25
+"""Of the grid around the points, in sides of the sheet: blank margins have none."""
 RIM_CELLS = 5
+"""Heights are sought so far beyond the outline, which the fit may move yet."""
 AGREEMENT = 0.6
+"""Least mean correlation of a match."""
 NEAR_POINTS = 4.0
+"""Without an outline the sheet reaches so many cells beyond what was measured."""
+STEEPEST = 0.1
+"""Cosine of the steepest slope that the fit knows of."""
+STEEP_SHARE = 0.05
+"""Share of the points, the steepest, by which the direction of the grid is chosen."""
+SQUARER = 0.15
+"""The grid is tilted against the sheet's plane if this raises the cosine at them by so much."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,8 +113,7 @@ def find_surface(
     papers: Sequence[Paper | None],
     cameras: Sequence[Camera],
     points: Floats,
-    progress: Callable[[float], None] | None = None,
-    debug=None,
+    progress: Callable[[float], None],
 ) -> SheetSurface:
     """Find the surface of a sheet.
 
@@ -110,63 +123,61 @@ def find_surface(
         Grey levels 0 to 255; black where the ground is.
     papers : sequence of Paper or None
     cameras : sequence of Camera
-    points : (n, 3) float64
+    points : (n, 3) float64 [mm]
         Points of the sheet.
-    progress : callable, optional
+    progress : callable
+        Called with the share done.
     """
     pixel_mm = float(np.median([np.median(depths(c, points)) / c.matrix[0, 0] for c in cameras]))
     grid = sheet_grid(points, cameras, LEVELS[0].cells)
     extent = grid.spacing * LEVELS[0].cells
-    sparse = Measured(
-        points, np.full(len(points), SPARSE_SIGMA_PX * pixel_mm), np.zeros(len(points))
-    )
+    sparse = Measured(points, np.full(len(points), SPARSE_SIGMA_PX * pixel_mm), np.zeros(len(points)))
     measured = sparse
     heights = _fit(grid, measured, None, pixel_mm)
-    for level, finer in pairwise((None, *LEVELS)):
-        assert finer is not None
-        next_grid = grid.refined(grid.spacing * (LEVELS[0].cells if level is None else level.cells) / finer.cells)
+    for number, level in enumerate(LEVELS):
+        next_grid = grid.refined(extent / level.cells)
         heights, grid = _resampled(grid, heights, next_grid), next_grid
-        reduction = max(1.0, extent / pixel_mm / finer.pixels)
+        reduction = max(1.0, extent / pixel_mm / level.pixels)
         small = [_reduced(photo, reduction) for photo in photos]
         stack = stack_photos(small, cameras, [s.shape[1] / p.shape[1] for s, p in zip(small, photos, strict=True)])
-        sample = pixel_mm * reduction
         coarse = measured
-        for turn in range(finer.rounds):
-            nodes, normals = grid.to_space(heights), grid.normals(heights)
-            seen = seen_nodes(nodes, normals, grid.faces(), grid.spacing, cameras)
-            inside = distance_inside(nodes, seen, cameras, papers).reshape(grid.shape_rc)
+        for _ in range(level.rounds):
+            seen, inside = _seen_and_inside(grid, heights, cameras, papers)
             active = _active(inside, RIM_CELLS * grid.spacing)
-            found = match_patches(
-                stack, nodes, normals, seen & active.reshape(-1, 1), sample, 0.5 * sample, finer.steps
-            )
-            good = np.isfinite(found.offset) & (found.agreement > AGREEMENT)
-            fresh = Measured(
-                (nodes + found.offset[:, None] * normals)[good],
-                np.maximum(found.sigma[good], SIGMA_PX * pixel_mm),
-                np.full(good.sum(), RADIUS * sample),
-            )
+            fresh = _match(grid, heights, stack, seen & active.reshape(-1, 1), reduction * pixel_mm, level.steps)
+            fresh = replace(fresh, sigma=np.maximum(fresh.sigma, SIGMA_PX * pixel_mm))
             measured = _merged(_merged(fresh, sparse), coarse)
             heights = _fit(grid, measured, heights, pixel_mm, active)
-            if debug is not None:
-                debug(round(reduction,2), turn, grid, heights, inside, found, good, measured)
-    nodes, normals = grid.to_space(heights), grid.normals(heights)
-    seen = seen_nodes(nodes, normals, grid.faces(), grid.spacing, cameras)
-    inside = distance_inside(nodes, seen, cameras, papers).reshape(grid.shape_rc)
+        progress((number + 1) / len(LEVELS))
+    seen, inside = _seen_and_inside(grid, heights, cameras, papers)
     return SheetSurface(grid, heights, inside, measured, seen, pixel_mm)
 
 
-def _fit(
-    grid: Grid, measured: Measured, start: Floats | None, pixel_mm: float, active: Bools | None = None
-) -> Floats:
-    at, height = grid.to_grid(measured.points)
-    if start is None:
-        upright = np.ones(len(height))
-    else:
-        matrix = interpolation(grid, at)
-        upright = matrix @ (grid.normals(start) @ grid.axes[2])
-    return fit_heights(
-        grid, interpolation(grid, at), height, measured.sigma / np.maximum(upright, 0.1), STIFFNESS / pixel_mm, start, active
-    )[0]
+def _seen_and_inside(
+    grid: Grid, heights: Floats, cameras: Sequence[Camera], papers: Sequence[Paper | None]
+) -> tuple[Bools, Floats]:
+    """Photos that see each node (nodes, photos), and each node's distance from the outline (rows, cols)."""
+    nodes = grid.to_space(heights)
+    seen = seen_nodes(nodes, grid.normals(heights), grid.faces(), grid.spacing, cameras)
+    return seen, distance_inside(nodes, seen, cameras, papers).reshape(grid.shape_rc)
+
+
+def _match(grid: Grid, heights: Floats, stack: PhotoStack, seen: Bools, sample_mm: float, steps: int) -> Measured:
+    """Places where the photos agree, near the present surface."""
+    nodes, normals = grid.to_space(heights), grid.normals(heights)
+    found = match_patches(stack, nodes, normals, seen, sample_mm, STEP * sample_mm, steps)
+    good = np.isfinite(found.offset) & (found.agreement > AGREEMENT)
+    places = (nodes + found.offset[:, None] * normals)[good]
+    return Measured(places, found.sigma[good], np.full(len(places), RADIUS * sample_mm))
+
+
+def _fit(grid: Grid, measured: Measured, start: Floats | None, pixel_mm: float, active: Bools | None = None) -> Floats:
+    """Heights through measured places; an error along the normal is larger along the vertical."""
+    columns_rows, height = grid.to_grid(measured.points)
+    at = interpolation(grid, columns_rows)
+    upright = np.ones(len(height)) if start is None else at @ (grid.normals(start) @ grid.axes[2])
+    sigma = measured.sigma / np.maximum(upright, STEEPEST)
+    return fit_heights(grid, at, height, sigma, STIFFNESS / pixel_mm, start, active)[0]
 
 
 def _merged(fine: Measured, coarse: Measured) -> Measured:
@@ -175,8 +186,12 @@ def _merged(fine: Measured, coarse: Measured) -> Measured:
         return coarse
     away = cKDTree(fine.points).query(coarse.points)[0]
     alone = away >= coarse.reach
-    return Measured(*(np.concatenate([a, b[alone]]) for a, b in (
-        (fine.points, coarse.points), (fine.sigma, coarse.sigma), (fine.reach, coarse.reach))))
+    return Measured(
+        *(
+            np.concatenate([a, b[alone]])
+            for a, b in ((fine.points, coarse.points), (fine.sigma, coarse.sigma), (fine.reach, coarse.reach))
+        )
+    )
 
 
 def _active(inside: Floats, rim_mm: float) -> Bools:
@@ -228,6 +243,6 @@ def _squarest(points: Floats, eyes: Floats, up: Floats) -> Floats:
     best = up
     for _ in range(30):
         cosine = normal @ best
-        best = normalize(best + 0.1 * normal[cosine <= np.quantile(cosine, 0.05)].mean(axis=0))
-    gain = np.quantile(normal @ best, 0.05) - np.quantile(normal @ up, 0.05)
-    return best if gain > 0.15 else up
+        best = normalize(best + 0.1 * normal[cosine <= np.quantile(cosine, STEEP_SHARE)].mean(axis=0))
+    gain = np.quantile(normal @ best, STEEP_SHARE) - np.quantile(normal @ up, STEEP_SHARE)
+    return best if gain > SQUARER else up

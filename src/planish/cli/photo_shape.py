@@ -1,0 +1,94 @@
+"""The sheet of `planish photo`: from one photo or from several."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from time import perf_counter
+
+from planish.pipeline.stages import Progress
+from planish.settings import PhotoSettings
+from planish.types import Diagnostic, Report, Restoration, Scan
+
+
+@dataclass(frozen=True, eq=False)
+class PhotographedSheet:
+    """A scan made from photos, and how the report of its restoration is completed.
+
+    Attributes
+    ----------
+    scan : Scan
+    scaled : bool
+        Whether its size is true.
+    seconds : dict
+        Of reading and finding the shape.
+    complete : callable
+        Adds what the photos told to the report.
+    """
+
+    scan: Scan
+    scaled: bool
+    seconds: dict[str, float]
+    complete: Callable[[Restoration], Report]
+
+    def completed(self, restoration: Restoration, write_seconds: float) -> Report:
+        """The report of the whole command."""
+        report = self.complete(restoration)
+        seconds = {**self.seconds, **report.seconds, "write": write_seconds}
+        return replace(report, seconds=seconds, seconds_total=sum(seconds.values()))
+
+
+def shape_of_one(file: Path, settings: PhotoSettings, progress: Progress) -> PhotographedSheet:
+    """Estimate the shape of a sheet from one photo."""
+    from planish.io import focal_length_px, read_photo
+    from planish.photo import find_shape
+
+    start = perf_counter()
+    progress("read", 0.0)
+    image = read_photo(file, upright=True)
+    read_at = perf_counter()
+    progress("shape", 0.0)
+    sheet = find_shape(image.pixels, settings, focal_px=focal_length_px(file), icc=image.icc)
+    seconds = {"read": read_at - start, "shape": perf_counter() - read_at}
+
+    def complete(restoration: Restoration) -> Report:
+        warnings = [*image.warnings, *sheet.warnings, *restoration.report.warnings]
+        return replace(restoration.report, photo=sheet.report, warnings=warnings)
+
+    return PhotographedSheet(sheet.scan, sheet.report.scale != "unknown", seconds, complete)
+
+
+def shape_of_several(
+    files: Sequence[Path], settings: PhotoSettings, camera: Path | None, progress: Progress
+) -> PhotographedSheet:
+    """Measure a sheet from several photos."""
+    from planish.acquire.photos.guidance import what_next
+    from planish.acquire.photos.page_error import expected_page_error
+    from planish.acquire.photos.scan import from_photos
+    from planish.io.photo_set import read_photo_set
+    from planish.pipeline.scale import scaled_to_width
+
+    start = perf_counter()
+    progress("read", 0.0)
+    sources, cameras, read_warnings = read_photo_set(files, camera)
+    read_at = perf_counter()
+    progress("shape", 0.0)
+    found = from_photos(sources, settings, cameras=cameras, progress=lambda share: progress("shape", share))
+    if settings.width_mm is not None:
+        found = scaled_to_width(found, settings.width_mm)
+    seconds = {"read": read_at - start, "shape": perf_counter() - read_at}
+
+    def complete(restoration: Restoration) -> Report:
+        report, flat = restoration.report, restoration.flattening
+        notes: list[Diagnostic] = [*found.acquired.warnings, *what_next(found, flat.page_xy, flat.size_mm)]
+        error = expected_page_error(found.report, flat.size_mm, report.flatten)
+        return replace(
+            report,
+            photos=found.report,
+            scan=replace(report.scan, measured_fraction=found.report.measured_fraction),
+            flatten=replace(report.flatten, expected_error_mm=error),
+            warnings=[*notes, *read_warnings, *report.warnings],
+        )
+
+    return PhotographedSheet(found.acquired.scan, found.report.scale != "unknown", seconds, complete)
