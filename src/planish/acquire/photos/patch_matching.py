@@ -143,9 +143,9 @@ def _match(  # type: ignore[no-untyped-def]
             used[v] = False
             if not seen[i, v]:
                 continue
-            c, r, depth = _project(cameras[v], x, y, z)
-            ca, ra, _ = _project(cameras[v], x + sample * a0, y + sample * a1, z + sample * a2)
-            cb, rb, _ = _project(cameras[v], x + sample * b0, y + sample * b1, z + sample * b2)
+            c, r, depth = project_point(cameras[v], x, y, z)
+            ca, ra, _ = project_point(cameras[v], x + sample * a0, y + sample * a1, z + sample * a2)
+            cb, rb, _ = project_point(cameras[v], x + sample * b0, y + sample * b1, z + sample * b2)
             arms[v, 0], arms[v, 1], arms[v, 2], arms[v, 3] = ca - c, ra - r, cb - c, rb - r
             used[v] = depth > 0
             many += used[v]
@@ -212,7 +212,7 @@ def _sample(pixels, first, rows, cols, cameras, used, arms, patch, total, contra
     for v in range(len(first)):
         if not used[v]:
             continue
-        c, r, _ = _project(cameras[v], x, y, z)
+        c, r, _ = project_point(cameras[v], x, y, z)
         reach = RADIUS * max(abs(arms[v, 0]) + abs(arms[v, 2]), abs(arms[v, 1]) + abs(arms[v, 3]))
         if not (reach < c < cols[v] - 1 - reach and reach < r < rows[v] - 1 - reach):
             used[v] = False
@@ -279,7 +279,7 @@ def _against_others(one, total):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _project(camera, x, y, z):  # type: ignore[no-untyped-def]
+def project_point(camera, x, y, z):  # type: ignore[no-untyped-def]
     """Column, row [px] and depth of a point: OpenCV's model with eight terms of distortion."""
     u = camera[0] * x + camera[1] * y + camera[2] * z + camera[9]
     v = camera[3] * x + camera[4] * y + camera[5] * z + camera[10]

@@ -16,6 +16,7 @@ from planish.acquire.photos.markers import find_markers
 from planish.acquire.photos.outline import clip_mesh, distance_inside
 from planish.acquire.photos.paper import Paper, find_paper
 from planish.acquire.photos.surface import SheetSurface, find_surface
+from planish.acquire.points.normals import fit_tangent_planes
 from planish.color import to_grey, to_uint8
 from planish.errors import InputError, UsageError
 from planish.geometry import depths, project
@@ -179,7 +180,7 @@ def _landscape(
 
 
 def _on_its_side(pixels: Pixels) -> Pixels:
-    return np.ascontiguousarray(np.rot90(pixels))
+    return np.asarray(np.rot90(pixels), order="C")
 
 
 def _poses(
@@ -236,6 +237,8 @@ def _points_of_sheet(poses: CameraPoses, cameras: Sequence[Camera], papers: Sequ
     if any(paper is not None for paper in papers):
         everywhere = np.ones((len(points), len(cameras)), bool)
         points = points[np.nan_to_num(distance_inside(points, everywhere, cameras, papers), nan=-1) > 0]
+    if len(points) >= FEWEST_POINTS:
+        points = points[fit_tangent_planes(points).kept]  # a false point far off bends blank paper around it
     if len(points) < FEWEST_POINTS:
         raise InputError(
             f"only {len(points)} places of the sheet were found again in the photos; take more photos, from nearer, in "

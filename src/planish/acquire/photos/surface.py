@@ -20,6 +20,7 @@ from planish.acquire.photos.height_field import Grid, fit_heights, interpolation
 from planish.acquire.photos.outline import distance_inside
 from planish.acquire.photos.paper import Paper
 from planish.acquire.photos.patch_matching import RADIUS, PhotoStack, match_patches, stack_photos
+from planish.acquire.photos.rim import rim_points
 from planish.acquire.photos.visibility import seen_nodes
 from planish.geometry import depths
 from planish.geometry.axes import principal_axes
@@ -46,6 +47,8 @@ STIFFNESS = 5.0
 """[1 / px] Of the fit; see `fit_heights`."""
 SPARSE_SIGMA_PX = 0.5
 """Standard deviation of the points that structure from motion found, in pixels of the photo."""
+RIM_SIGMA_PX = 3.0
+"""The same of points of the rim, which are found on the steps of a ray."""
 SIGMA_PX = 0.1
 """Least standard deviation of a match: cameras are not truer."""
 MARGIN = 0.25
@@ -132,7 +135,9 @@ def find_surface(
     grid = sheet_grid(points, cameras, LEVELS[0].cells)
     extent = grid.spacing * LEVELS[0].cells
     sparse = Measured(points, np.full(len(points), SPARSE_SIGMA_PX * pixel_mm), np.zeros(len(points)))
-    measured = sparse
+    rim = rim_points(papers, cameras, points)
+    measured = _merged(sparse, Measured(rim, np.full(len(rim), RIM_SIGMA_PX * pixel_mm), np.zeros(len(rim))))
+    coarse = measured
     heights = _fit(grid, measured, None, pixel_mm)
     for number, level in enumerate(LEVELS):
         next_grid = grid.refined(extent / level.cells)
