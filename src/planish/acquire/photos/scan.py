@@ -180,7 +180,8 @@ def _landscape(
 
 
 def _on_its_side(pixels: Pixels) -> Pixels:
-    return np.asarray(np.rot90(pixels), order="C")
+    turned = np.rot90(pixels)
+    return turned.astype(np.uint8) if pixels.dtype == np.uint8 else turned.astype(np.uint16)
 
 
 def _poses(
