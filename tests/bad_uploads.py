@@ -71,7 +71,15 @@ def broken(old, new):
 
 BAD = {  # name: (files, fields, status, a part of the sentence)
     "no scan": ([("photo", ("photo.png", png()))], {}, 422, "no scan was sent"),
-    "no mesh": ([("scan", ("scan.png", png()))], {}, 422, "no mesh is among the files"),
+    "no mesh": ([("scan", ("scan.mtl", MTL))], {}, 422, "no mesh is among the files"),
+    "one photo": ([("scan", ("scan.png", png()))], {}, 422, "one photo was sent ('scan.png')"),
+    "no HEIC": ([("scan", ("a.heic", b"x")), ("scan", ("b.png", png()))], {}, 415, "not a readable image"),
+    "two cameras files, two photos": (
+        [*[("scan", (f"{k}.png", png())) for k in range(2)], *[("camera", (f"{k}.json", b"{}")) for k in range(2)]],
+        {},
+        422,
+        "2 files of cameras were sent",
+    ),
     "two meshes": ([*SCAN, ("scan", ("other.ply", b"ply\n"))], {}, 422, "2 meshes are"),
     "an empty file": ([("scan", ("scan.obj", b""))], {}, 422, "empty"),
     "a program": ([("scan", ("run.exe", b"MZ"))], {}, 415, "unsupported file type"),

@@ -83,3 +83,15 @@ def test_an_invalid_scan_is_reported_in_the_page(page, tmp_path):
     page.wait_for_selector("#failed:visible, #refused:visible")
     assert_faultless(page, tmp_path, "failed")
     assert "scan.obj" in page.inner_text("#sentence:visible, #refused:visible")
+
+
+def test_photos_taken_one_by_one_under_one_name_are_kept_apart(page, server, tmp_path):
+    page.goto(str(server.client.base_url))
+    page.wait_for_selector("#start:visible")
+    assert (page.get_attribute("#photos", "accept"), page.get_attribute("#photos", "multiple")) == ("image/*", "")
+    for k in range(2):
+        (tmp_path / str(k)).mkdir()
+        (tmp_path / str(k) / "image.jpg").write_bytes(b"x" * (k + 1))
+    for k in (0, 1, 1):  # the last one a second time
+        page.set_input_files("#photos", tmp_path / str(k) / "image.jpg")
+    assert page.locator("#chosen .what").all_inner_texts() == ["image.jpg", "image-2.jpg"]

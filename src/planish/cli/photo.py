@@ -68,7 +68,6 @@ def photo(
     from time import perf_counter
 
     from planish.cli.console import print_report, progress_bar
-    from planish.cli.photo_shape import shape_of_one, shape_of_several
     from planish.errors import UsageError
     from planish.io import (
         all_or_nothing,
@@ -80,6 +79,7 @@ def photo(
         write_unscaled_page,
     )
     from planish.io.photo_set import photo_files
+    from planish.job.photo_sheet import shape_of_one, shape_of_several
     from planish.job.stage_images import write_stages
     from planish.pipeline import restore
     from planish.settings import RestoreSettings

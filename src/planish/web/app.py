@@ -16,6 +16,7 @@ from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp
 
 from planish.version import __version__
+from planish.web.card import card_pdf
 from planish.web.host_check import VIEW_HEADERS, HostCheckMiddleware
 from planish.web.jobs import MEDIA_TYPES, Health, JobState
 from planish.web.openapi import describe_api, request_body
@@ -28,6 +29,7 @@ _INLINE_SUFFIXES = (".jpg", ".html")
 _STATUS_DETAILS = {404: "there is no such address", 405: "this address does not allow that method"}
 _EVENT_STREAM = media_response("text/event-stream", "The job, whenever it changes")
 _FILE_RESPONSE = media_response("*/*", "The file")
+_PDF_RESPONSE = media_response("application/pdf", "The card")
 _ZIP_RESPONSE = media_response("application/zip", "All files")
 
 router = APIRouter(prefix="/api")
@@ -149,6 +151,12 @@ def job_archive(id: str, service: ServiceDep) -> StreamingResponse:
     return StreamingResponse(
         stream_zip([folder / name for name in names]), media_type="application/zip", headers=headers
     )
+
+
+@router.get("/card-{paper}.pdf", response_class=Response, responses=_PDF_RESPONSE | problem_responses(404))
+def card(paper: str) -> Response:
+    """Cards with markers of 40 mm to print at 100 %, on a4 or letter; beside a sheet they tell its size in photos."""
+    return Response(card_pdf(paper), media_type="application/pdf")
 
 
 def _openapi_document(request: Request) -> JSONResponse:

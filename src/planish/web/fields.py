@@ -12,9 +12,9 @@ from docstring_parser import parse
 from planish.errors import UsageError
 from planish.hints import as_field
 from planish.job.settings_codec import SettingsError, decode_settings, json_schema
-from planish.settings import NamedUnits, RestoreSettings
+from planish.settings import NamedUnits, Paper, PhotoSettings, RestoreSettings
 from planish.web.problems import HTTPProblem
-from planish.web.restore_upload import Format
+from planish.web.upload_request import Format
 
 _UNPREFIXED = ("settings", "flatten", "render", "shading", "binarize")
 """Nested settings whose fields have no prefix in their names."""
@@ -27,6 +27,12 @@ class FormSettings:
     Attributes
     ----------
     settings : RestoreSettings
+    marker_mm : float, optional
+        For photos without a scan: side of the black squares of printed ArUco markers (DICT_4X4_50) beside the sheet.
+    paper : {"unknown", "a3", "a4", "a5", "letter", "legal"}
+        For photos without a scan: size of the sheet.
+    width_mm : float, optional
+        For photos without a scan: width of the sheet.
     units : {"auto", "mm", "cm", "m", "in"}
         Unit of the scan's coordinates. auto decides from the file and the size of the scan.
     view : bool
@@ -36,9 +42,20 @@ class FormSettings:
     """
 
     settings: RestoreSettings = field(default_factory=RestoreSettings)
+    marker_mm: float | None = None
+    paper: Paper = "unknown"
+    width_mm: float | None = None
     units: NamedUnits = "auto"
     view: bool = True
     formats: tuple[Format, ...] = ("tif", "png", "pdf")
+
+    def __post_init__(self) -> None:
+        _ = self.size
+
+    @property
+    def size(self) -> PhotoSettings:
+        """What tells the size of a photographed sheet; refuses two answers."""
+        return PhotoSettings(marker_mm=self.marker_mm, paper=self.paper, width_mm=self.width_mm)
 
 
 @dataclass(frozen=True)

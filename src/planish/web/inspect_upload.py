@@ -16,6 +16,7 @@ from planish.web.unpack import unpack
 
 IMAGES = {
     **dict.fromkeys((".jpg", ".jpeg"), "JPEG"),
+    **dict.fromkeys((".heic", ".heif"), "HEIC"),
     ".png": "PNG",
     **dict.fromkeys((".tif", ".tiff"), "TIFF"),
     ".webp": "WebP",
@@ -37,7 +38,7 @@ class Upload:
     Attributes
     ----------
     scan : str
-        File name, or "." for a tifxyz, which is the folder itself.
+        File name, or "." for a tifxyz, which is the folder itself; "" where photos alone were sent.
     photo, camera : tuple of str
     title : str
         Name for display.
@@ -59,7 +60,10 @@ def inspect_upload(form: Form, folder: Path, limits: ServeSettings) -> Upload:
     """
     files = form.files["scan"]
     if not files:
-        raise HTTPProblem(422, "no scan was sent; send its files as scan: OBJ, PLY, GLB or glTF, or one zip")
+        raise HTTPProblem(
+            422,
+            "no scan was sent; send its files as scan: OBJ, PLY, GLB or glTF, several photos of a sheet, or one zip",
+        )
     title = files[0].name
     zips = [path for path in files if path.suffix.lower() == ".zip"]
     if zips:
@@ -74,6 +78,9 @@ def inspect_upload(form: Form, folder: Path, limits: ServeSettings) -> Upload:
     if {path.name for path in files} >= _TIFXYZ_FILES:
         return _upload(".", form.files["photo"], form.files["camera"], title if zips else "tifxyz")
     meshes = [path for path in files if path.suffix.lower() in MESH_SUFFIXES]
+    images = [path for path in files if path.suffix.lower() in IMAGES]
+    if not meshes and images:
+        return _photos(images, [path for path in files if path.suffix.lower() == ".json"], form, title)
     if len(meshes) != 1:
         what = "no mesh is" if not meshes else f"{len(meshes)} meshes are"
         raise HTTPProblem(422, f"{what} among the files; expected one (OBJ, PLY, glTF, STL, ...), or a tifxyz")
@@ -85,6 +92,20 @@ def inspect_upload(form: Form, folder: Path, limits: ServeSettings) -> Upload:
             422, f"{len(photo)} photos but {len(camera)} cameras were sent; send one camera per photo, or one for all"
         )
     return _upload(meshes[0].name, photo, camera, title if zips else meshes[0].name)
+
+
+def _photos(images: list[Path], camera: list[Path], form: Form, title: str) -> Upload:
+    """Photos of one sheet, without a scan."""
+    images, camera = [*images, *form.files["photo"]], [*camera, *form.files["camera"]]
+    if len(images) < 2:
+        raise HTTPProblem(
+            422,
+            f"one photo was sent ({images[0].name!a}); a page is measured from two or more, best eight to twelve taken "
+            "from around",
+        )
+    if len(camera) > 1:
+        raise HTTPProblem(422, f"{len(camera)} files of cameras were sent; send one for all photos, or none")
+    return _upload("", images, camera, title if len(form.files["scan"]) == 1 else f"{len(images)} photos")
 
 
 def _upload(scan: str, photo: list[Path], camera: list[Path], title: str) -> Upload:
@@ -133,10 +154,11 @@ def _check_image(path: Path, name: str, limits: ServeSettings) -> None:
             warnings.simplefilter("ignore")
             limit, Image.MAX_IMAGE_PIXELS = Image.MAX_IMAGE_PIXELS, None
             try:
-                with Image.open(path, formats=_DECODERS) as image:
-                    width, height = image.size
+                width, height = _heic_size(path) if IMAGES[path.suffix.lower()] == "HEIC" else _image_size(path)
             finally:
                 Image.MAX_IMAGE_PIXELS = limit
+    except HTTPProblem:
+        raise
     except Exception:  # decoders raise many classes of exceptions on damaged files
         raise HTTPProblem(415, f"{name} is not a readable image; was it copied completely?") from None
     if width * height > limits.megapixels * 1e6:
@@ -145,6 +167,22 @@ def _check_image(path: Path, name: str, limits: ServeSettings) -> None:
             f"{name} has {width * height / 1e6:.0f} megapixels ({width} x {height}); the limit is "
             f"{limits.megapixels:g}",
         )
+
+
+def _image_size(path: Path) -> tuple[int, int]:
+    with Image.open(path, formats=_DECODERS) as image:
+        return image.size
+
+
+def _heic_size(path: Path) -> tuple[int, int]:
+    try:
+        import pillow_heif
+    except ImportError:
+        raise HTTPProblem(
+            415, f"{path.name!a} is a HEIC photo, which this service cannot read; save it as JPEG"
+        ) from None
+    width, height = pillow_heif.open_heif(path).size
+    return width, height
 
 
 def _check_kinds(form: Form) -> None:

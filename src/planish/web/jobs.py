@@ -48,7 +48,9 @@ class JobState(BaseModel):
     title: str = Field(description="File name of the scan")
     state: State
     ahead: int = Field(description="Number of jobs queued before this one")
-    stage: str = Field(description="read, clean, flatten, turn, render, unshade, binarize, measure, write, look")
+    stage: str = Field(
+        description="photos, read, clean, flatten, turn, render, unshade, binarize, measure, write, look"
+    )
     share: float = Field(description="Fraction of the stage that is done, 0 to 1")
     sentence: str = Field(description="Reason of the failure")
     created: datetime

@@ -4,45 +4,19 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any
 
 from planish.errors import PlanishError
 from planish.hints import as_field
-from planish.settings import NamedUnits, RestoreSettings
+from planish.web.restore_photos import restore_photos
+from planish.web.upload_request import UploadRequest
 
-Format = Literal["tif", "png", "jpg", "pdf"]
+if TYPE_CHECKING:
+    from planish.types import Report
 
 PREVIEW = "preview.jpg"
 _PREVIEW_PX = 1600
-
-
-@dataclass(frozen=True, kw_only=True)
-class UploadRequest:
-    """Parameters of the restoration of an upload.
-
-    Attributes
-    ----------
-    scan : str
-        File name in the upload's folder; "." for a tifxyz, which is the folder itself.
-    photo, camera : tuple of str
-        Needed if the scan file does not reference them.
-    settings : RestoreSettings
-    units : NamedUnits
-    view : bool
-        Whether to write an HTML page.
-    formats : tuple of Format
-        Formats of the page.
-    """
-
-    scan: str
-    photo: tuple[str, ...]
-    camera: tuple[str, ...]
-    settings: RestoreSettings
-    units: NamedUnits
-    view: bool
-    formats: tuple[Format, ...]
 
 
 def restore_upload(
@@ -53,7 +27,7 @@ def restore_upload(
     Parameters
     ----------
     folder : Path
-        Folder with the files of the scan and nothing else.
+        Folder with the files of the scan, or photos, and nothing else.
     out : Path
         Folder for the results; created by this function.
     request : UploadRequest
@@ -65,8 +39,28 @@ def restore_upload(
     dict
         settled, outcome, warnings, figures (pairs of label and value), files (names).
     """
-    from planish.job import Job, Outputs, run
     from planish.report import summary
+
+    os.chdir(folder)  # relative paths, so that no message or report reveals folders of the server
+    out.mkdir()
+    try:
+        report = (_restore_scan if request.scan else restore_photos)(out, request, progress)
+    except PlanishError as problem:
+        raise type(problem)(problem.sentence.replace(f"{out}/", ""), problem.hint) from None
+    _preview(out)
+    files = sorted(path.name for path in out.iterdir())
+    _fsync_all(out, files)
+    return {
+        "settled": report.settled,
+        "outcome": report.outcome,
+        "warnings": [warning.message(as_field) for warning in report.warnings],
+        "figures": summary(report),
+        "files": files,
+    }
+
+
+def _restore_scan(out: Path, request: UploadRequest, progress: Callable[[str, float], None]) -> Report:
+    from planish.job import Job, Outputs, run
 
     pages = [out / f"page.{name}" for name in request.formats]
     outputs = Outputs(
@@ -77,7 +71,6 @@ def restore_upload(
         report=out / "report.json",
         html=out / "view.html" if request.view else None,
     )
-    os.chdir(folder)  # relative paths, so that no message or report reveals folders of the server
     job = Job(
         scan=Path(request.scan),
         photo=tuple(map(Path, request.photo)),
@@ -87,21 +80,7 @@ def restore_upload(
         settings=request.settings,
         outputs=outputs,
     )
-    out.mkdir()
-    try:
-        result = run(job, progress)
-    except PlanishError as problem:
-        raise type(problem)(problem.sentence.replace(f"{out}/", ""), problem.hint) from None
-    _preview(out)
-    files = sorted(path.name for path in out.iterdir())
-    _fsync_all(out, files)
-    return {
-        "settled": result.report.settled,
-        "outcome": result.report.outcome,
-        "warnings": [warning.message(as_field) for warning in result.report.warnings],
-        "figures": summary(result.report),
-        "files": files,
-    }
+    return run(job, progress).report
 
 
 def _preview(out: Path) -> None:

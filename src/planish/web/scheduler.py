@@ -16,8 +16,9 @@ from planish.hints import as_field
 from planish.job.worker import InternalError, Limits, StoppedError, WorkerDiedError, preload_workers, run_in_subprocess
 from planish.settings import ServeSettings
 from planish.web.fields import read_fields
-from planish.web.restore_upload import UploadRequest, restore_upload
+from planish.web.restore_upload import restore_upload
 from planish.web.store import MAX_TRIES, Row, Store
+from planish.web.upload_request import UploadRequest
 
 _log = logging.getLogger("planish.web")
 
@@ -205,6 +206,7 @@ def _upload_request(row: Row) -> UploadRequest:
         scan=data["scan"],
         photo=tuple(data["photo"]),
         camera=tuple(data["camera"]),
+        size=form.size,
         settings=form.settings,
         units=form.units,
         view=form.view,

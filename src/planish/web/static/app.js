@@ -20,6 +20,18 @@ function choose(files) {
   showChosen();
 }
 
+/** Add photos: those taken just now are all called image.jpg on some phones, so they get numbers. */
+function choosePhotos(files) {
+  for (const file of files) {
+    if (chosen.some((other) => other.size === file.size && other.lastModified === file.lastModified)) continue;
+    const [, stem, suffix] = /^(.*?)(\.[^.]*)?$/.exec(file.name);
+    let name = file.name;
+    for (let k = 2; chosen.some((other) => other.name === name); k++) name = `${stem}-${k}${suffix ?? ""}`;
+    chosen.push(new File([file], name, { type: file.type, lastModified: file.lastModified }));
+  }
+  showChosen();
+}
+
 function showChosen() {
   byId("chosen").replaceChildren(...chosen.map((file) => {
     const item = element("li");
@@ -39,9 +51,10 @@ function refuse(sentence) {
 
 async function submit(event) {
   event.preventDefault();
-  if (!chosen.length) return refuse("Choose the files of a scan first.");
+  if (!chosen.length) return refuse("Choose photos, or the files of a scan, first.");
   const form = new FormData(byId("form"));
   form.delete("scan");
+  for (const [name, value] of [...form]) if (value === "") form.delete(name);
   for (const file of chosen) form.append("scan", file, file.name);
   const bytes = [...form.values()].reduce((sum, value) => sum + (value.size ?? 0), 0);
   if (limits && bytes > limits.upload_mb * 1e6) return refuse(`The files have ${size(bytes)}; the limit is ${limits.upload_mb} MB.`);
@@ -66,7 +79,7 @@ async function submit(event) {
 function show(job, id) {
   if (job === null) {
     keep(kept().filter((other) => other.id !== id));
-    failed("This scan", "It no longer exists: results are deleted after a while.");
+    failed("This page", "It no longer exists: results are deleted after a while.");
   } else if (job.state === "done") done(job);
   else if (job.state === "failed") failed(job.title, job.sentence);
   else working(job);
@@ -115,6 +128,7 @@ for (const kind of ["dragenter", "dragover"]) drop.addEventListener(kind, (event
 for (const kind of ["dragleave", "drop"]) drop.addEventListener(kind, (event) => { event.preventDefault(); drop.classList.remove("over"); });
 drop.addEventListener("drop", (event) => choose(event.dataTransfer.files));
 byId("scan").addEventListener("change", (event) => { choose(event.target.files); event.target.value = ""; });
+byId("photos").addEventListener("change", (event) => { choosePhotos(event.target.files); event.target.value = ""; });
 byId("form").addEventListener("submit", submit);
 byId("cancel").addEventListener("click", leave);
 byId("remove").addEventListener("click", leave);
@@ -125,6 +139,6 @@ const state = await api.health();
 if (state) {
   limits = state.limits;
   byId("version").textContent = `planish ${state.version}`;
-  byId("limits").textContent = `At most ${limits.upload_mb} MB per scan; results are kept for ${limits.keep_hours} hours.`;
+  byId("limits").textContent = `At most ${limits.upload_mb} MB per page; results are kept for ${limits.keep_hours} hours.`;
 }
 await route();

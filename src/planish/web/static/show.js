@@ -1,6 +1,7 @@
 // Rendering of a job: running, done, failed.
 
 const STAGES = [
+  ["photos", "Measuring the sheet from its photos"],
   ["read", "Reading"],
   ["clean", "Repairing the mesh"],
   ["flatten", "Flattening"],
@@ -11,6 +12,7 @@ const STAGES = [
   ["binarize", "Binarizing"],
   ["write", "Writing"],
 ];
+let measured = ""; // the job whose sheet is measured from photos first
 const WITHIN = { split: "turn", text: "measure", look: "write" };
 const FILES = {
   "view.html": "Interactive view, HTML",
@@ -61,15 +63,17 @@ export function sending(title, share) {
 export function working(job) {
   if (byId("working").hidden || byId("working-title").textContent !== job.title) showSection("working", job.title);
   const stage = WITHIN[job.stage] ?? job.stage;
-  const now = STAGES.findIndex(([name]) => name === stage);
+  if (stage === "photos") measured = job.id;
+  const stages = measured === job.id ? STAGES : STAGES.slice(1);
+  const now = stages.findIndex(([name]) => name === stage);
   if (job.state === "queued") {
     byId("bar").removeAttribute("value");
     setStatus(job.ahead ? `Queued: ${job.ahead} before this one` : "Queued: next to start");
   } else {
-    byId("bar").value = (Math.max(now, 0) + job.share * (now >= 0)) / STAGES.length;
-    setStatus(now >= 0 ? STAGES[now][1] : "Starting");
+    byId("bar").value = (Math.max(now, 0) + job.share * (now >= 0)) / stages.length;
+    setStatus(now >= 0 ? stages[now][1] : "Starting");
   }
-  const items = STAGES.map(([, words], k) => element("li", words, { className: k < now ? "past" : k === now ? "now" : "" }));
+  const items = stages.map(([, words], k) => element("li", words, { className: k < now ? "past" : k === now ? "now" : "" }));
   if (now >= 0) items[now].setAttribute("aria-current", "step");
   byId("stages").replaceChildren(...items);
 }

@@ -1,4 +1,4 @@
-"""The sheet of `planish photo`: from one photo or from several."""
+"""The sheet of `planish photo` and of photos sent to the service: from one photo or from several."""
 
 from __future__ import annotations
 

@@ -1,0 +1,40 @@
+"""What is asked with an upload. Imports nothing of the web framework."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from planish.settings import NamedUnits, PhotoSettings, RestoreSettings
+
+Format = Literal["tif", "png", "jpg", "pdf"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class UploadRequest:
+    """Parameters of the restoration of an upload.
+
+    Attributes
+    ----------
+    scan : str
+        File name in the upload's folder; "." for a tifxyz, which is the folder itself; "" where there are photos only.
+    photo, camera : tuple of str
+        Needed if the scan file does not reference them, or if there is none.
+    size : PhotoSettings
+        What tells the size of a sheet that only photos show.
+    settings : RestoreSettings
+    units : NamedUnits
+    view : bool
+        Whether to write an HTML page.
+    formats : tuple of Format
+        Formats of the page.
+    """
+
+    scan: str
+    photo: tuple[str, ...]
+    camera: tuple[str, ...]
+    size: PhotoSettings
+    settings: RestoreSettings
+    units: NamedUnits
+    view: bool
+    formats: tuple[Format, ...]

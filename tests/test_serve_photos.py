@@ -1,0 +1,90 @@
+"""Photos of a sheet sent to the service: measured, restored, and the same said as by `planish photo`."""
+
+import json
+import signal
+
+import pytest
+from PIL import Image
+
+from planish.cli.acquire.virtual_photos import phone_jpeg
+from planish.gallery import photo_shoot, sheet, typeset_page
+from serve_process import PATIENCE, Server
+
+pytestmark = pytest.mark.slow
+
+CARD_MM = 25.0
+
+
+@pytest.fixture(scope="module")
+def photos(tmp_path_factory):
+    """Six small photos of a small folded letter, and one of something else."""
+    folder = tmp_path_factory.mktemp("photos")
+    bent = sheet("letter", width_mm=105, height_mm=148)
+    page, _ = typeset_page(105, 148, 300, point_size=8)
+    size = {"photo_px": (1200, 900), "distance_mm": 250.0, "card_mm": CARD_MM}
+    shoot = photo_shoot(bent, page, 6, rng=2, other_subjects=1, **size)
+    paths = [folder / f"IMG_{k}.jpg" for k in range(len(shoot.photos))]
+    for path, photo in zip(paths, shoot.photos, strict=True):
+        path.write_bytes(phone_jpeg(photo))
+    return paths, [path.name for path, useful in zip(paths, shoot.useful, strict=True) if not useful]
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory):
+    started = Server(tmp_path_factory.mktemp("served"))
+    yield started
+    if started.process.poll() is None:
+        started.end(signal.SIGKILL)
+
+
+def test_photos_become_a_page_of_true_size(server, photos, tmp_path):
+    paths, useless = photos
+    told = list(
+        server.events(
+            server.send(paths, **{"marker-mm": f"{CARD_MM:g}", "formats": "png", "dpi": "200", "view": "true"})
+        )
+    )
+    assert told[-1]["state"] == "done", told[-1]["sentence"]
+    assert told[-1]["title"] == f"{len(paths)} photos"
+    stages = list(dict.fromkeys(state["stage"] for state in told if state["stage"]))
+    assert stages[0] == "photos"
+    assert any("left out" in sentence and useless[0] in sentence for sentence in told[-1]["warnings"])
+    files = {file["name"]: server.client.get(file["href"]).content for file in told[-1]["files"]}
+    assert {"page.png", "page-bw.png", "report.json", "view.html", "preview.jpg"} <= set(files)
+    report = json.loads(files["report.json"])
+    assert report["photos"]["used"] == 6
+    assert report["photos"]["scale"] == "marker"
+    sides = report["page"]["width_mm"], report["page"]["height_mm"]
+    assert sides == pytest.approx((105, 148), rel=0.01)  # 1 MP: a pixel is 0.2 mm, and each border is a pixel unsure
+    (tmp_path / "page.png").write_bytes(files["page.png"])
+    with Image.open(tmp_path / "page.png") as page:
+        assert page.info["dpi"][0] == pytest.approx(200, abs=0.1)
+
+
+def test_without_a_size_no_dpi_is_claimed(server, photos, tmp_path):
+    paths, _ = photos
+    told = list(server.events(server.send(paths, formats="png", view="false", binarize="none")))
+    assert told[-1]["state"] == "done", told[-1]["sentence"]
+    assert any("no true size" in sentence for sentence in told[-1]["warnings"])
+    page = next(file for file in told[-1]["files"] if file["name"] == "page.png")
+    (tmp_path / "page.png").write_bytes(server.client.get(page["href"]).content)
+    with Image.open(tmp_path / "page.png") as image:
+        assert "dpi" not in image.info
+
+
+def test_photos_of_different_things_fail_with_a_sentence(server, photos, tmp_path):
+    paths, useless = photos
+    other = next(path for path in paths if path.name == useless[0])
+    job = server.send([paths[0], other], view="false")
+    told = list(server.events(job))
+    assert told[-1]["state"] == "failed"
+    assert "photos" in told[-1]["sentence"]
+
+
+def test_the_cards_can_be_printed(server):
+    for paper in ("a4", "letter"):
+        answer = server.client.get(f"/api/card-{paper}.pdf", timeout=PATIENCE)
+        assert answer.status_code == 200
+        assert answer.headers["content-type"] == "application/pdf"
+        assert answer.content.startswith(b"%PDF")
+    assert server.client.get("/api/card-b5.pdf").status_code == 404
