@@ -55,6 +55,11 @@ SECTIONS = {
         "Sheets of the gallery, photographed virtually; with a folder of real photos the script makes the tables of "
         "[A page from one photo](photo.md).",
     ),
+    "photos": (
+        "A page from several photos",
+        "Sheets of the gallery on a wooden table, a card of 40 mm beside them, from ten virtual photos of a phone with "
+        "7 megapixels; one sheet from more and fewer, and with useless ones among them; and what one photo gives.",
+    ),
     "shading": (
         "Shade removed",
         "How far the grey of blank paper runs (10 % to 90 % quantile, in percent of the median) over the page and "
