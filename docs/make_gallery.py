@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from planish.cli.demo import SHEETS
+from planish.cli.acquire.virtual_files import SHEETS
 from planish.cli.main import run
 from planish.io import read_photo
 from planish.report import side_by_side

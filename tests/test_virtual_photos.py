@@ -1,4 +1,7 @@
-"""`planish acquire virtual photos`: files as a phone's, and the true cameras beside them."""
+"""`planish acquire virtual photos`: files as a phone's, and the true cameras beside them; `planish demo photos`."""
+
+import json
+from importlib import import_module
 
 import numpy as np
 import pytest
@@ -36,3 +39,19 @@ def test_photos_and_their_cameras(tmp_path, monkeypatch):
     sides = np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1)
     assert sides == pytest.approx(40.0, abs=0.1)  # two photos at half the resolution
     assert np.abs(np.array(points)[:, 2]).max() < 0.5  # on the table
+
+
+@pytest.mark.slow
+def test_the_demo_of_photos(tmp_path, monkeypatch, capsys):
+    """With seven photos of 2 megapixels instead of ten of 7, for it to be done in a minute."""
+    monkeypatch.setattr(virtual_photos, "COUNT", 7)
+    monkeypatch.setattr(import_module("planish.gallery.photo_shoot"), "PHOTO_PX", virtual_photos.SMALL_PX)
+    assert run(["demo", "photos", "-o", str(tmp_path)]) == 0
+    assert "215.9 x 279.4 mm" in capsys.readouterr().out
+    assert {"photos", "cameras.json", "truth.png", "page.tif", "page-binary.png", "report.json", "stages"} == {
+        path.name for path in tmp_path.iterdir()
+    }
+    report = json.loads((tmp_path / "report.json").read_text())
+    assert report["photos"]["used"] == 7
+    assert report["page"]["width_mm"] == pytest.approx(215.9, rel=0.01)  # borders are good to a millimetre at 2 MP
+    assert report["page"]["height_mm"] == pytest.approx(279.4, rel=0.01)

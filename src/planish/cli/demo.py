@@ -1,4 +1,4 @@
-"""`planish demo`: restore a virtual scan of a synthetic sheet."""
+"""`planish demo`: restore a virtual scan, or virtual photos, of a synthetic sheet."""
 
 from __future__ import annotations
 
@@ -7,13 +7,12 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
+from planish.cli.acquire.virtual_files import SHEETS
 from planish.cli.options import Quiet
-
-SHEETS = {"book": "book", "folded": "letter", "curl": "curl", "crumpled": "crumpled"}
 
 
 def demo(
-    sheet: Literal["book", "folded", "curl", "crumpled"] = "book",
+    sheet: Literal["book", "folded", "curl", "crumpled", "photos"] = "book",
     /,
     *,
     output: Annotated[Path, Parameter(name=["--output", "-o"])] = Path("planish-demo"),
@@ -28,9 +27,10 @@ def demo(
     ----------
     sheet
         book: a page of a thick bound book. folded: a letter folded in three. curl: a corner curled past vertical.
-        crumpled: a sheet with random folds.
+        crumpled: a sheet with random folds. photos: the letter again, from ten photos of a phone instead of a scan;
+        needs the extra `planish[photos]`, and two to five minutes.
     output
-        Folder for the scan, the page, the report and the images; created if it does not exist.
+        Folder for the scan or photos, the page, the report and the images; created if it does not exist.
     quiet
         Print nothing but errors.
     """
@@ -41,6 +41,8 @@ def demo(
     from planish.io import make_folder, write_page, write_scan
 
     make_folder(output)
+    if sheet == "photos":
+        return _photos(output, quiet=quiet)
     with progress_bar(quiet=quiet) as progress:
         progress("scan", 0.0)
         capture = virtual_scan(known_sheet(SHEETS[sheet]), noise_mm=0.05)
@@ -58,3 +60,32 @@ def demo(
         quiet=quiet,
         verbose=not quiet,
     )
+
+
+def _photos(folder: Path, *, quiet: bool) -> bool:
+    """Photograph the letter from around, with a card of 40 mm beside it, and measure it."""
+    from planish.cli.acquire.virtual_photos import write_photo_shoot
+    from planish.cli.console import progress_bar
+    from planish.cli.photo import photo
+    from planish.gallery import sheet as known_sheet
+    from planish.io import write_page
+    from planish.settings import PhotoSettings
+
+    with progress_bar(quiet=quiet) as progress:
+        progress("photograph", 0.0)
+        shoot = write_photo_shoot(folder, known_sheet(SHEETS["folded"]))
+        progress("write", 0.0)
+        write_page(folder / "truth.png", shoot.page)
+    settled = photo(
+        [folder / "photos"],
+        output=folder / "page.tif",
+        shape=PhotoSettings(marker_mm=shoot.cards[0].side_mm),
+        binary=folder / "page-binary.png",
+        report=folder / "report.json",
+        stages=folder / "stages",
+        quiet=quiet,
+        verbose=not quiet,
+    )
+    if not quiet:
+        print(f"the true page: {folder / 'truth.png'}, {shoot.sheet.width_mm:.1f} x {shoot.sheet.height_mm:.1f} mm")
+    return settled

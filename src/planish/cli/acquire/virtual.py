@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from planish.cli.acquire.virtual_files import BOARD_MM, write_camera, write_images
+from planish.cli.acquire.virtual_files import BOARD_MM, SHEETS, write_camera, write_images
 from planish.cli.options import Output, Quiet
 
 if TYPE_CHECKING:
@@ -50,7 +50,6 @@ def virtual(
     from planish.cli.acquire.virtual_laser import laser, laser_lines
     from planish.cli.acquire.virtual_photos import photos
     from planish.cli.console import progress_bar
-    from planish.cli.demo import SHEETS
     from planish.gallery import sheet as known_sheet
     from planish.io import make_folder, write_page
 

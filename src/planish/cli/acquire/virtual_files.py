@@ -12,6 +12,9 @@ if TYPE_CHECKING:
 
     from planish.types import Camera
 
+SHEETS = {"book": "book", "folded": "letter", "curl": "curl", "crumpled": "crumpled"}
+"""Sheets of the gallery by the names that commands have for them."""
+
 BOARD_MM = 18.0
 """Side of a square of the calibration boards."""
 
