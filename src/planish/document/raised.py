@@ -58,7 +58,7 @@ def raised_sheet(scan: Scan) -> tuple[TopView, Bools] | None:
         In that view.
     None where there is no such thing; a sheet alone never has it.
     """
-    points = scan.mesh.points
+    points = np.where(np.isfinite(scan.mesh.points), scan.mesh.points, np.nan)
     plane = _dominant_plane(points[scan.mesh.faces[:, 0]])
     if plane is None:
         return None

@@ -42,7 +42,8 @@ class TopView:
 
 def top_view(scan: Scan, normal: Floats | None = None) -> TopView:
     """See a mesh from the side its faces show, along a normal (3,); where parts overlap, the topmost counts."""
-    points, faces = scan.mesh.points, scan.mesh.faces
+    faces = scan.mesh.faces
+    points = np.where(np.isfinite(scan.mesh.points), scan.mesh.points, np.nan)  # infinite ones would warn below
     normals = area_vectors(points, faces)
     centres = points[faces].mean(axis=1)
     some = np.isfinite(centres).all(axis=1)
