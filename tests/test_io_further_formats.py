@@ -2,6 +2,7 @@
 
 import io
 import zipfile
+from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -210,3 +211,22 @@ def test_a_usd_whose_damage_is_no_text_is_refused_in_one_sentence(tmp_path, data
     (tmp_path / "sheet.usda").write_bytes(data)
     with pytest.raises(InputError, match=r"damaged or cut short$"):
         read_scan(tmp_path / "sheet.usda")
+
+
+def test_a_usd_that_turns_its_points_by_no_number_is_read_without_a_word(tmp_path, capfd, monkeypatch):
+    pytest.importorskip("pxr")
+    monkeypatch.setenv("PLANISH_OWN_PROCESS", "1")
+    (tmp_path / "sheet.usda").write_text(
+        """#usda 1.0
+def Mesh "mesh" {
+    int[] faceVertexCounts = [3]
+    int[] faceVertexIndices = [0, 1, 2]
+    point3f[] points = [(0, 0, 0), (20, 0, 0), (0, 28, 1e999)]
+    matrix4d xformOp:transform = ((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1))
+    uniform token[] xformOpOrder = ["xformOp:transform"]
+}
+"""
+    )
+    with suppress(InputError):
+        read_scan(tmp_path / "sheet.usda", units="mm")
+    assert capfd.readouterr().err == ""

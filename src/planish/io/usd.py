@@ -11,6 +11,7 @@ import numpy as np
 from planish.errors import InputError, MissingExtraError
 from planish.io.filemesh import FileMesh
 from planish.io.scene import Part, joined
+from planish.io.suppress_stderr import suppress_stderr
 from planish.io.textures import Image, find_image
 from planish.io.zipped import Zip
 
@@ -33,7 +34,10 @@ def read_usd(path: Path, data: bytes, inside: Path | None = None) -> FileMesh:
         raise MissingExtraError(f"{path} is a USD file; to read it: pip install 'planish[usd]'") from None
     archive = Zip(path, data) if data.startswith(b"PK") else None
     suffix = ".usdz" if archive else ".usdc" if data.startswith(b"PXR-USDC") else ".usda"
-    with tempfile.NamedTemporaryFile(suffix=suffix) as file:  # the library reads files by their suffix
+    with (
+        tempfile.NamedTemporaryFile(suffix=suffix) as file,
+        suppress_stderr(),
+    ):  # the library reads files by their suffix
         file.write(data)
         file.flush()
         try:
