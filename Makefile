@@ -40,7 +40,7 @@ bench: $(READY)  ## the figures of docs/benchmarks.md, anew (half an hour)
 	$(BIN)/python -m pip install --quiet --editable '.[bench]'
 	$(BIN)/python benchmarks/run_all.py
 
-fuzz: $(READY)  ## every reader fed with damaged files: an hour and a half (SECONDS=60: ten minutes)
+fuzz: $(READY)  ## every reader fed with damaged files: two and a half hours (SECONDS=60: a quarter of one)
 	$(BIN)/python -m pip install --quiet --group fuzz
 	for reader in $(READERS); do $(BIN)/python fuzz/$$reader.py -max_total_time=$(SECONDS) || exit 1; done
 

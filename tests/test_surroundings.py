@@ -15,6 +15,8 @@ from planish.errors import InputError
 from planish.gallery import sheet, sheet_mesh
 from planish.gallery.scene_view import aim_camera, render_view
 from planish.io import read_photo, read_scan, write_scan
+from planish.job.from_report import inputs_from_report
+from planish.job.html_page import make_html
 from planish.pipeline import prepare
 from planish.settings import BinarizeSettings, RenderSettings, RestoreSettings, ShadingSettings
 from planish.types import Scan, Texture
@@ -243,3 +245,19 @@ def test_the_stages_show_what_was_left_out(tmp_path):
     column, row = scan.photo_xy.astype(int).T
     assert np.median(shown[row, column][paper]) > 200
     assert np.median(shown[row, column][~paper]) < 30
+
+
+@pytest.mark.slow
+def test_a_restoration_with_a_mask_can_be_looked_at_again(tmp_path):
+    scan, _ = seen("flat")
+    write_scan(tmp_path / "s.ply", scan)
+    mask = np.zeros((240, 320), np.uint8)
+    mask[60:180, 90:250] = 255
+    cv2.imwrite(str(tmp_path / "mask.png"), mask)
+    options = ["-o", f"{tmp_path}/p.png", "--dpi", "72", "--report", f"{tmp_path}/report.json"]
+    assert run(["restore", f"{tmp_path}/s.ply", "--sheet", f"{tmp_path}/mask.png", *options]) == 0
+    inputs = inputs_from_report(tmp_path)
+    assert inputs.sheet == tmp_path / "mask.png"
+    assert inputs.photo == (tmp_path / "s.jpg",)
+    again = make_html(inputs, tmp_path / "view.html").report
+    assert (again.page.width_mm, again.page.height_mm) == pytest.approx(inputs.size_mm, abs=0.01)

@@ -39,7 +39,9 @@ class ReadScan:
     polygons : Polygons
         The file's own faces and texture coordinates.
     sources : tuple of Path
-        The files that were read: the mesh (a folder for tifxyz), photos that are files of their own, cameras.
+        The files that were read: the mesh (a folder for tifxyz), photos that are files of their own, cameras, mask.
+    sheet_mask : Path or None
+        The mask of the sheet, if one was given.
     digests : dict
         SHA-256 of the bytes that were read of each file.
     """
@@ -49,6 +51,7 @@ class ReadScan:
     warnings: list[Diagnostic]
     polygons: Polygons
     sources: tuple[Path, ...] = ()
+    sheet_mask: Path | None = None
     digests: dict[Path, str] = field(default_factory=dict)
 
     __repr__ = one_line
@@ -94,7 +97,7 @@ def read_scan(
         read = _read_scan(Path(path), photo, camera, units, None if inside is None else Path(inside))
         if sheet is not None:
             masked = replace(read.scan, sheet=read_sheet_mask(sheet))
-            read = replace(read, scan=masked, sources=(*read.sources, Path(sheet)))
+            read = replace(read, scan=masked, sources=(*read.sources, Path(sheet)), sheet_mask=Path(sheet))
     return replace(read, digests=digests)
 
 

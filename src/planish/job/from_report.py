@@ -25,6 +25,8 @@ class JobInputs:
     scan : Path
     photo, camera : tuple of Path
         Further input files that are not part of the scan.
+    sheet : Path or None
+        Mask of the sheet.
     units : str
     settings : RestoreSettings
     size_mm : (float, float) or None
@@ -34,6 +36,7 @@ class JobInputs:
     scan: Path
     photo: tuple[Path, ...] = ()
     camera: tuple[Path, ...] = ()
+    sheet: Path | None = None
     units: Units = "auto"
     settings: RestoreSettings = field(default_factory=RestoreSettings)
     size_mm: tuple[float, float] | None = None
@@ -60,11 +63,14 @@ def inputs_from_report(result: Path) -> JobInputs:
         return JobInputs(scan=result)
     report = _read_report(result)
     scan, *others = _find_sources(result, report)
-    page, unit = report["page"], report["scan"]["unit"]
+    page, unit, mask = report["page"], report["scan"]["unit"], report["scan"].get("sheet_mask")
+    sheet = next((path for path in reversed(others) if path.name == mask), None)
+    others = [path for path in others if path is not sheet]
     return JobInputs(
         scan=scan,
         photo=tuple(path for path in others if path.suffix.lower() != ".json"),
         camera=tuple(path for path in others if path.suffix.lower() == ".json"),
+        sheet=sheet,
         units=unit if isinstance(unit, str) and is_unit(unit) else "auto",
         settings=_read_settings(result, report.get("settings") or {}),
         size_mm=(page["width_mm"], page["height_mm"]),

@@ -39,7 +39,13 @@ def make_html(inputs: JobInputs, out: Path, progress: Progress | None = None, *,
     progress = progress or (lambda name, share: None)
     start = perf_counter()
     progress("read", 0.0)
-    loaded = read_scan(inputs.scan, photo=inputs.photo or None, camera=inputs.camera or None, units=inputs.units)
+    loaded = read_scan(
+        inputs.scan,
+        photo=inputs.photo or None,
+        camera=inputs.camera or None,
+        units=inputs.units,
+        sheet=inputs.sheet,
+    )
     sources = fingerprints(loaded.sources, loaded.digests)
     read_seconds = perf_counter() - start
     restoration = restore(loaded.scan, inputs.settings, progress, way_up)

@@ -172,9 +172,13 @@ def with_file_info(report: Report, loaded: ReadScan, read_seconds: float, write_
         report,
         seconds=seconds,
         seconds_total=sum(seconds.values()),
-        scan=replace(report.scan, unit=loaded.unit),
+        scan=replace(report.scan, unit=loaded.unit, sheet_mask=_name(loaded.sheet_mask)),
         warnings=[*loaded.warnings, *report.warnings],
     )
+
+
+def _name(path: Path | None) -> str | None:
+    return None if path is None else path.name
 
 
 def _read_scan(job: Job) -> ReadScan:

@@ -50,6 +50,8 @@ class ScanReport:
         Points far off the surface, which were not counted.
     measured_fraction : float or None
         Part of the sheet's area that was measured rather than bridged, where the scan was made from photos.
+    sheet_mask : str or None
+        The image that named the sheet, if one was given; it is among the sources.
     """
 
     points: int
@@ -61,6 +63,7 @@ class ScanReport:
     noise_length_mm: float | None = None
     spikes: int = 0
     measured_fraction: float | None = None
+    sheet_mask: str | None = None
 
 
 @dataclass(frozen=True)
