@@ -21,13 +21,15 @@ from scipy.sparse.linalg import LinearOperator, cg, splu
 from planish.geometry.guards import normalize
 from planish.types import Bools, Floats, Ints
 
-ROUNDS = 8
+ROUNDS = 12
+"""Of reweighting. A sharp roof of 1,500 noisy places is right to 0.033 mm rms after 8 rounds, 0.020 after 16, 0.019
+after 32."""
 HUBER = 2.0
 """Residuals count linearly from so many standard deviations on."""
 SMALLEST_BEND = 0.02
 """Bends below this share of the grid's spacing [mm per mm] cost like their square, so that the weights stay finite: an
 angle of one degree between neighbouring cells."""
-TOLERANCE, MOST_STEPS = 1e-6, 20
+TOLERANCE, MOST_STEPS = 1e-4, 30
 """Conjugate gradients, preconditioned with the factors of an earlier round, solve a round in so many steps or not at
 all. A factorization takes as long as thirty."""
 RANK = 1e-6
