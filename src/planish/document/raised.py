@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from planish.document.rim import DIRECTIONS
 from planish.document.top_view import TopView, top_view
 from planish.geometry.guards import TINY, TINY_MM, normalize
 from planish.mesh import area_vectors
@@ -20,21 +21,33 @@ NEAR_PLANE = 0.004
 """Part of the scan's extent within which points lie in a plane: 2 mm over 500 mm."""
 
 MIN_GROUND = 0.3
-"""Part of the view from above that the plane must fill."""
+"""Part of the view from above that the plane must fill in one piece."""
 
 MIN_SHEET = 0.02
 """Part of that view that the sheet must fill."""
 
-MIN_AROUND = 0.8
+MIN_BESIDE = 0.8
 """Part of the sheet's rim that must have the plane beside it, or a gap that nobody saw and the plane behind it."""
+
+MIN_AROUND = 0.95
+"""Part of all directions from the middle of the sheet in which the plane must lie beyond it: a table that is larger
+than its sheet has all of them, a comb's other teeth, beside one that stands up, half."""
 
 STEEP = 0.5
 """Cosine of 60 degrees: faces steeper than that hang between a sheet and its table, or are the side of a box."""
 
-MIN_STEEP = 0.9
-"""Part of the rim that must end in steep faces or gaps: 0.99 for a crumpled sheet that touches its table nowhere, 0.72
-for a letter of which one third lies flat, of which only the rest would be found. A bump within a sheet has slopes of 20
-to 50 degrees, and a sheet alone has no rim with a plane around it."""
+MIN_STEEP = 0.94
+"""Part of the rim that must end in steep faces or gaps: 0.96 to 0.99 for a crumpled sheet that touches its table
+hardly anywhere, 0.72 for a letter of which one third lies flat, of which only the rest would be found. A bump within a
+sheet has slopes of 20 to 50 degrees. A tongue cut into a sheet, four times as long as wide, has 0.915."""
+
+MAX_SLENDER = 4.0
+"""Greatest length of the sheet in its mean widths. The rim of a longer strip, cut into a sheet and standing up, is
+steep but for its short ends: 0.95 for a tongue seven times as long as wide. Halved, letters are hardly found."""
+
+MAYBE_STEEP = 0.5
+"""From this part of the rim on something may be a sheet on a table, which is told: 0.79 for a crumpled sheet seen from
+aside. Halved, hills in a bare sheet are told too; at 0.8 that crumpled sheet is not."""
 
 GAP_PX = 120
 """Greatest width of a gap that nobody saw, behind a box or a raised rim: 200 mm of a table of 1.3 m."""
@@ -43,7 +56,7 @@ RIM_PX = 4
 """Width of the rim in which these are looked for."""
 
 
-def raised_sheet(scan: Scan) -> tuple[TopView, Bools] | None:
+def raised_sheet(scan: Scan) -> tuple[TopView, Bools, bool] | None:
     """Find the largest thing that stands out of the dominant plane of a scan and is surrounded by it.
 
     Parameters
@@ -56,7 +69,13 @@ def raised_sheet(scan: Scan) -> tuple[TopView, Bools] | None:
         Along the normal of the plane.
     mask : (rows, cols) bool
         In that view.
-    None where there is no such thing; a sheet alone never has it.
+    plain : bool
+        Whether it ends in steps all around, as a sheet that touches its table hardly anywhere. Otherwise it may as well
+        be a part of one surface.
+    None where there is no such thing. The plane must be one piece, lie beyond the thing on all sides, and begin beside
+    its rim; gaps count as steps down to it only where they are holes in what was seen: those between the teeth of a
+    comb, which are open to the outside, are not. Of a sheet alone only a part with steps around nearly all of it, as
+    the lid of a box folded from it, would pass for plain.
     """
     points = np.where(np.isfinite(scan.mesh.points), scan.mesh.points, np.nan)
     plane = _dominant_plane(points[scan.mesh.faces[:, 0]])
@@ -72,19 +91,21 @@ def raised_sheet(scan: Scan) -> tuple[TopView, Bools] | None:
     w = view.weights[seen].astype(np.float64)
     height[seen] = (np.column_stack([1 - w.sum(axis=1), w]) * ((points - middle) @ normal)[corner]).sum(axis=1)
     tolerance = max(3 * noise, 0.5 * NEAR_PLANE * _extent(points), TINY_MM)
-    ground = seen & (np.abs(height) < tolerance)
+    upright = np.zeros(seen.shape)
+    upright[seen] = np.abs(normalize(area_vectors(points, scan.mesh.faces)) @ normal)[view.face[seen]]
+    ground = _largest_piece(seen & (np.abs(height) < tolerance))
     if ground.sum() < MIN_GROUND * seen.sum():
         return None
     mask = _largest_inside(seen & (np.nan_to_num(height) > 2 * tolerance), seen)
-    if mask is None or mask.sum() < MIN_SHEET * seen.sum():
+    if mask is None or mask.sum() < MIN_SHEET * seen.sum() or _share_beyond(ground, mask) < MIN_AROUND:
         return None
-    upright = np.abs(normalize(area_vectors(points, scan.mesh.faces)) @ normal)
-    steep = ~seen
-    steep[seen] = upright[view.face[seen]] < STEEP
-    if not _ends_all_around(mask, ground, steep):
+    hidden = np.asarray(ndimage.binary_fill_holes(seen)) & ~seen
+    steps = _share_of_steps(mask, ground, hidden | (seen & (upright < STEEP)))
+    if steps < MAYBE_STEEP:
         return None
+    plain = steps >= MIN_STEEP and _slenderness(mask) <= MAX_SLENDER
     below = (points - middle) @ normal < -2 * tolerance  # a floor under the table is not the sheet above it
-    return replace(view, places=np.where(below[:, None], np.nan, view.places)), mask
+    return replace(view, places=np.where(below[:, None], np.nan, view.places)), mask, plain
 
 
 def _extent(points: Floats) -> float:
@@ -131,13 +152,40 @@ def _largest_inside(raised: Bools, seen: Bools) -> Bools | None:
     return None
 
 
-def _ends_all_around(mask: Bools, ground: Bools, steep: Bools) -> bool:
-    """Whether a region has the ground beside it nearly everywhere, and mostly steps down to it."""
+def _largest_piece(region: Bools) -> Bools:
+    _, label, stats, _ = cv2.connectedComponentsWithStats(region.astype(np.uint8))
+    if len(stats) < 2:
+        return region
+    return np.asarray(label == 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA])))
+
+
+def _share_beyond(ground: Bools, mask: Bools) -> float:
+    """Part of all directions from the middle of a region in which ground lies beyond its farthest pixel."""
+    middle = np.argwhere(mask).mean(axis=0)
+
+    def farthest(region: Bools) -> Floats:
+        away = np.argwhere(region) - middle
+        sector = (np.arctan2(away[:, 0], away[:, 1]) / (2 * np.pi) + 0.5) * DIRECTIONS
+        out = np.zeros(DIRECTIONS)
+        np.maximum.at(out, sector.astype(int) % DIRECTIONS, np.hypot(away[:, 0], away[:, 1]))
+        return out
+
+    return float((farthest(ground) > farthest(mask) + RIM_PX).mean())
+
+
+def _slenderness(mask: Bools) -> float:
+    """Length of a region in its mean widths."""
+    length = max(cv2.minAreaRect(np.argwhere(mask).astype(np.float32))[1])
+    return float(length**2 / mask.sum())
+
+
+def _share_of_steps(mask: Bools, ground: Bools, steep: Bools) -> float:
+    """Part of a region's rim that is a step; 0 where the ground is not beside it nearly everywhere."""
     kernel = np.ones((2 * RIM_PX + 1, 2 * RIM_PX + 1), np.uint8)
     rim = mask & ~ndimage.binary_erosion(mask)
     near_steep = cv2.dilate(steep.astype(np.uint8), kernel) > 0
     reach: NDArray[np.uint8] = np.ones((2 * GAP_PX + 1, 2 * GAP_PX + 1), np.uint8)
     near_ground = cv2.dilate(ground.astype(np.uint8), kernel) > 0
     behind_gap = near_steep & (cv2.dilate(ground.astype(np.uint8), reach) > 0)
-    around = float((near_ground | behind_gap)[rim].mean())
-    return around >= MIN_AROUND and float(near_steep[rim].mean()) >= MIN_STEEP
+    beside = float((near_ground | behind_gap)[rim].mean())
+    return float(near_steep[rim].mean()) if beside >= MIN_BESIDE else 0.0

@@ -55,7 +55,7 @@ def leave_out_surroundings(scan: Scan) -> tuple[Scan, list[Diagnostic]]:
     The photo tells paper from ground (`find_sheet`), or, where the images are no view of the scene, the colours seen
     straight from above; the ground must lie all around the sheet, and in one plane from which the sheet rises. Where
     colours tell nothing, what stands out of a plane with steps all around is the sheet (`raised_sheet`). Anything less
-    plain is kept: a sheet alone never loses a point.
+    plain is kept: a sheet alone loses no point.
 
     Parameters
     ----------
@@ -70,8 +70,8 @@ def leave_out_surroundings(scan: Scan) -> tuple[Scan, list[Diagnostic]]:
     cut, warnings = _by_colour(scan)
     if cut is not scan:
         return cut, warnings
-    cut = _by_shape(scan)
-    return (scan, warnings) if cut is scan else (cut, [_left_out(scan, cut)])
+    shaped, told = _by_shape(scan)
+    return (scan, warnings or told) if shaped is scan else (shaped, told)
 
 
 def _by_colour(scan: Scan) -> tuple[Scan, list[Diagnostic]]:
@@ -104,18 +104,31 @@ def _by_colour(scan: Scan) -> tuple[Scan, list[Diagnostic]]:
     return cut, [_left_out(scan, cut, count_sheets(shown.pixels), cut_off=around < ALL_AROUND)]
 
 
-def _by_shape(scan: Scan) -> Scan:
-    """The scan cut to what stands out of the plane all around it; the scan itself where nothing does."""
+def _by_shape(scan: Scan) -> tuple[Scan, list[Diagnostic]]:
+    """The scan cut to what stands out of the plane all around it; the scan itself where that is not plain."""
     found = raised_sheet(scan)
-    return scan if found is None else cut_to_outline(scan, found[1], found[0].places)[0]
+    if found is None:
+        return scan, []
+    view, mask, plain = found
+    cut, left_out = cut_to_outline(scan, mask, view.places)
+    if plain:
+        return cut, [_left_out(scan, cut, by_shape=True)]
+    share = left_out_share(scan.mesh, left_out)
+    sentence = f"{100 * share:.0f} % of the scan may be a table, out of which the sheet rises; all of it was kept"
+    by_hand = "give {sheet} as an image that is white on the sheet" if scan.photo is not None else "cut it off the scan"
+    return scan, [Diagnostic("surroundings-doubtful", sentence, f"{by_hand} if that is so")]
 
 
-def _left_out(scan: Scan, cut: Scan, sheets: int = 1, *, cut_off: bool = False) -> Diagnostic:
+def _left_out(scan: Scan, cut: Scan, sheets: int = 1, *, cut_off: bool = False, by_shape: bool = False) -> Diagnostic:
     before, after = (
         float(np.nansum(np.linalg.norm(area_vectors(one.mesh.points, one.mesh.faces), axis=1))) for one in (scan, cut)
     )
     share = 1 - after / max(before, np.finfo(float).tiny)
     sentence = f"the sheet lies on a table, and {100 * share:.0f} % of the scan around it were left out"
+    if by_shape:
+        sentence += (
+            "; its shape alone tells so, and a part of one sheet that stands up from the rest would look the same"
+        )
     if sheets > 1:
         sentence += f"; it is the largest of {sheets} sheets"
     if cut_off:
