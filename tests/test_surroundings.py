@@ -84,6 +84,25 @@ def test_a_flat_sheet_in_the_plane_of_a_dark_frame_is_kept_and_told():
     assert warning.code == "surroundings-doubtful"
 
 
+def test_a_hand_that_holds_the_sheet_is_told_before_anything_else():
+    scan, _ = seen("spread")
+    photo = scan.photo.copy()
+    rows, cols = np.nonzero(photo[..., 0] > 150)
+    middle = int(rows.mean())
+    photo[middle - 8 : middle + 8, : cols.min() + 15] = 190  # as bright as skin, 25 mm wide, up to the border
+    codes = [w.code for w in leave_out_surroundings(replace(scan, photo=photo))[1]]
+    assert codes == ["surroundings-doubtful", "surroundings-left-out"]
+
+
+def test_light_wood_around_a_sheet_is_told():
+    scan, _ = seen("spread", table=155.0)  # the paper is 1.39 times as bright
+    kept, (warning,) = leave_out_surroundings(scan)
+    assert kept is scan
+    assert warning.code == "surroundings-doubtful"
+    bare, _ = seen("spread", table=155.0, with_table=False)
+    assert leave_out_surroundings(bare) == (bare, [])
+
+
 def test_a_bright_table_is_not_cut_from_bright_paper():
     scan, _ = seen("book", table=190.0)
     assert leave_out_surroundings(scan) == (scan, [])

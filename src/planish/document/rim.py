@@ -23,6 +23,10 @@ its table falls by all of the contrast; the shade along a spine, 20 to 40 mm wid
 coarse clouds, blurred over four pixels, look soft; twice: shade of 10 mm looks like an edge)."""
 RIM_PX = 2.0
 
+NARROW = 0.25
+"""Width of what sticks out of a sheet, in sides of a square of its area: 60 mm for a letter, a thumb and its hand.
+Halved, only the thumb's tip is; doubled, half of a narrow sheet."""
+
 
 def with_margin(mask: Bools) -> Bools:
     """The region on a small picture, with a margin around it."""
@@ -103,6 +107,30 @@ def rim_drops(bright: Floats, mask: Bools, seen: Bools) -> Floats:
     on_photo = (rows >= 0) & (rows < mask.shape[0]) & (cols >= 0) & (cols < mask.shape[1])
     counts = on_photo & outside[rows.clip(0, mask.shape[0] - 1), cols.clip(0, mask.shape[1] - 1)]
     return np.asarray((within - beyond)[counts] / max(contrast, 1e-9))
+
+
+def sticking_out(mask: Bools) -> float:
+    """Part of a region that sticks out of the rest in one narrow piece, as a hand does that holds a sheet.
+
+    Parameters
+    ----------
+    mask : (rows, cols) bool
+
+    Examples
+    --------
+    >>> sheet = np.zeros((200, 300), bool)
+    >>> sheet[20:150, 60:240] = True
+    >>> bare = sticking_out(sheet)
+    >>> sheet[140:200, 140:160] = True
+    >>> bare < 0.01, 0.03 < sticking_out(sheet) < 0.05
+    (True, True)
+    """
+    scale = min(1.0, MASK_PX / max(mask.shape))
+    small = cv2.resize(np.pad(mask, 1).astype(np.uint8), None, fx=scale, fy=scale, interpolation=cv2.INTER_NEAREST)
+    area = int(small.sum())
+    body = cv2.morphologyEx(np.pad(small, 1), cv2.MORPH_OPEN, _disc(2 * round(0.5 * NARROW * area**0.5) + 1))
+    stats = cv2.connectedComponentsWithStats(np.pad(small, 1) - body)[2]
+    return float(stats[1:, cv2.CC_STAT_AREA].max(initial=0) / max(area, 1))
 
 
 def _disc(side: int) -> np.ndarray:

@@ -31,6 +31,10 @@ STRICTLY = 0.75, 0.1
 MIN_CONTRAST = 1.5
 """Paper must be so many times as bright, as code values, as what lies around it."""
 
+MAYBE_CONTRAST = 1.25
+"""From this on, shape may show that it is ground all the same, which is told: light wood is 1.4 to 1.5 times as dark as
+paper. Nearer to 1, a white table passes for paper; at 1.5 light wood stays untold."""
+
 AREA_SHARE = (0.02, 0.97)
 """Of the photo, that a sheet may fill; one that fills more shows no ground around it."""
 
@@ -147,7 +151,7 @@ def _drops(photo: Pixels, places: Floats) -> Floats:
     return rim_drops(np.log1p(bright.astype(np.float64)), inside, seen > 0)
 
 
-def find_sheet(photo: Pixels, *, whole: bool = False) -> Bools | None:
+def find_sheet(photo: Pixels, *, whole: bool = False, contrast: float = MIN_CONTRAST) -> Bools | None:
     """Find the sheet in a photo: the largest bright region, with the dark things in it.
 
     The threshold between paper and ground is Otsu's, on the logarithm of the brightness, so that paper in half shade
@@ -159,6 +163,8 @@ def find_sheet(photo: Pixels, *, whole: bool = False) -> Bools | None:
     whole : bool
         Up to the outline itself. By default a rim is left out, as wide as the outline may be off, so that nothing of
         the ground comes along.
+    contrast : float
+        How many times as bright as its ground the sheet must be, as code values.
 
     Returns
     -------
@@ -178,7 +184,7 @@ def find_sheet(photo: Pixels, *, whole: bool = False) -> Bools | None:
     bright, inside, scale = _bright_region(photo)
     if not AREA_SHARE[0] <= inside.mean() <= AREA_SHARE[1]:
         return None
-    if np.median(bright[inside]) < MIN_CONTRAST * max(float(np.median(bright[~inside])), 1.0):
+    if np.median(bright[inside]) < contrast * max(float(np.median(bright[~inside])), 1.0):
         return None
     mask = cv2.resize(inside.astype(np.uint8) * 255, (cols, rows), interpolation=cv2.INTER_LINEAR)
     if whole:

@@ -8,8 +8,8 @@ import numpy as np
 
 from planish.document.cut import cut_to_outline, left_out_share
 from planish.document.raised import raised_sheet
-from planish.document.rim import at_places, share_around, with_margin
-from planish.document.sheet_outline import count_sheets, ends_in_an_edge, find_sheet, is_even
+from planish.document.rim import at_places, share_around, sticking_out, with_margin
+from planish.document.sheet_outline import MAYBE_CONTRAST, count_sheets, ends_in_an_edge, find_sheet, is_even
 from planish.document.top_view import picture, top_view
 from planish.errors import InputError
 from planish.geometry import project
@@ -39,6 +39,10 @@ MIN_FLAT = 0.8
 MAX_SHEET_FLAT = 0.9
 """If more of the sheet lies in the plane of the table, shape does not tell them apart, and a dark frame printed on a
 flat sheet would look the same: then nothing is left out unasked."""
+
+MAX_STICKING_OUT = 0.012
+"""Part of the sheet that may stick out of it untold: a thumb and its hand have 0.023 to 0.057, the corners of pages
+0.004 to 0.005. Halved, a rounded or crumpled corner is told; doubled, half of the hands are not."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +84,9 @@ def _by_colour(scan: Scan) -> tuple[Scan, list[Diagnostic]]:
     if shown is None:
         return scan, []
     mask = find_sheet(shown.pixels, whole=True)
+    faint = mask is None
+    if mask is None:
+        mask = find_sheet(shown.pixels, whole=True, contrast=MAYBE_CONTRAST)
     if mask is None:
         return scan, []
     near = with_margin(mask)
@@ -95,13 +102,22 @@ def _by_colour(scan: Scan) -> tuple[Scan, list[Diagnostic]]:
     flat_ground, flat_sheet = _flat_shares(scan.mesh, outside, inside)
     if not inside.any() or not ends_in_an_edge(shown.pixels, places[np.isfinite(places).all(axis=1)]):
         return scan, []
-    if flat_ground < MIN_FLAT or flat_sheet > MAX_SHEET_FLAT or not is_even(shown.pixels, strictly=around < ALL_AROUND):
-        which = "in the same plane" if flat_sheet > MAX_SHEET_FLAT else "with shade or other things on it"
+    in_plane, apart = flat_ground >= MIN_FLAT, flat_sheet <= MAX_SHEET_FLAT
+    if faint and not (in_plane and apart):
+        return scan, []
+    if faint or not (in_plane and apart and is_even(shown.pixels, strictly=around < ALL_AROUND)):
+        which = "hardly darker than it" if faint else "with shade or other things on it"
+        which = which if apart else "in the same plane"
         sentence = f"{100 * share:.0f} % of the scan may be ground around the sheet, {which}; all of it was kept"
         hint = "give {sheet} as an image that is white on the sheet if that is so"
         return scan, [Diagnostic("surroundings-doubtful", sentence, hint)]
     cut = cut_to_outline(scan, mask, places)[0]
-    return cut, [_left_out(scan, cut, count_sheets(shown.pixels), cut_off=around < ALL_AROUND)]
+    told = [_left_out(scan, cut, count_sheets(shown.pixels), cut_off=around < ALL_AROUND)]
+    held = sticking_out(mask)
+    if held > MAX_STICKING_OUT:
+        sentence = f"{100 * held:.0f} % of the sheet stick out of it, as a hand would; the page may be too large"
+        told.insert(0, Diagnostic("surroundings-doubtful", sentence, "give {sheet} as an image without the hand"))
+    return cut, told
 
 
 def _by_shape(scan: Scan) -> tuple[Scan, list[Diagnostic]]:
