@@ -74,7 +74,7 @@ class Matches:
     Attributes
     ----------
     offset : (n,) float64 [mm]
-        Along the normal, to the place where the photos agree best; NaN where none was found.
+        Along the direction, to the place where the photos agree best; NaN where none was found.
     sigma : (n,) float64 [mm]
         Standard deviation of the offset.
     agreement : (n,) float64
@@ -90,9 +90,16 @@ class Matches:
 
 
 def match_patches(
-    stack: PhotoStack, points: Floats, normals: Floats, seen: Bools, sample_mm: float, step_mm: float, steps: int
+    stack: PhotoStack,
+    points: Floats,
+    normals: Floats,
+    seen: Bools,
+    sample_mm: float,
+    step_mm: float,
+    steps: int,
+    directions: Floats | None = None,
 ) -> Matches:
-    """Find the offset of each patch along its normal.
+    """Find the offset of each patch along its normal, or along another direction.
 
     Parameters
     ----------
@@ -106,21 +113,25 @@ def match_patches(
         Of the offsets tried, about half a pixel of parallax.
     steps : int
         So many are tried on each side.
+    directions : (n, 3) float64, optional
+        Of the offsets. By default the normals.
     """
     n = len(points)
     offset, sigma, agreement = np.full(n, np.nan), np.full(n, np.inf), np.zeros(n)
     views = np.zeros(n, np.int32)
+    along = normals if directions is None else directions
+    photos = stack.pixels, stack.first, stack.rows, stack.cols, stack.cameras
     with thread_pool() as parallel_for:
         parallel_for(
-            _match, n, stack.pixels, stack.first, stack.rows, stack.cols, stack.cameras, points, normals,
-            seen, sample_mm, step_mm, steps, offset, sigma, agreement, views, block=512,
+            _match, n, *photos, points, normals, along, seen, sample_mm, step_mm, steps, offset, sigma, agreement, views,
+            block=512,
         )  # fmt: skip
     return Matches(offset, sigma, agreement, views)
 
 
 @njit(cache=True, nogil=True)
 def _match(  # type: ignore[no-untyped-def]
-    begin, end, pixels, first, rows, cols, cameras, points, normals, seen, sample, step, steps,
+    begin, end, pixels, first, rows, cols, cameras, points, normals, directions, seen, sample, step, steps,
     offset, sigma, agreement, views,
 ):  # fmt: skip
     side = 2 * RADIUS + 1
@@ -151,6 +162,7 @@ def _match(  # type: ignore[no-untyped-def]
             many += used[v]
         if many < 2:
             continue
+        n0, n1, n2 = directions[i, 0], directions[i, 1], directions[i, 2]
         many = _agreeing(pixels, first, rows, cols, cameras, used, arms, patch, total, contrast, each, score, tried,
                          step, x, y, z, n0, n1, n2)  # fmt: skip
         if many < 2:

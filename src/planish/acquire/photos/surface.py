@@ -21,7 +21,7 @@ from planish.acquire.photos.outline import distance_inside
 from planish.acquire.photos.paper import Paper
 from planish.acquire.photos.patch_matching import RADIUS, PhotoStack, match_patches, stack_photos
 from planish.acquire.photos.rim import rim_points
-from planish.acquire.photos.visibility import seen_nodes
+from planish.acquire.photos.visibility import facing_cameras, seen_nodes
 from planish.geometry import depths
 from planish.geometry.axes import principal_axes
 from planish.geometry.guards import normalize
@@ -32,15 +32,31 @@ Grey = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class Level:
-    """A step from coarse to fine: pixels along the sheet, cells of the grid along it, offsets tried, rounds."""
+    """A step from coarse to fine.
+
+    Attributes
+    ----------
+    pixels : int
+        Along the sheet.
+    cells : int
+        Of the grid along it.
+    steps : int
+        Offsets tried on each side.
+    rounds : int
+    tilted : bool
+        Whether patches are tilted too: coarse surfaces may be far from the slope of a gutter or a crumple.
+    """
 
     pixels: int
     cells: int
     steps: int
     rounds: int
+    tilted: bool = False
 
 
-LEVELS = (Level(300, 120, 10, 2), Level(600, 160, 5, 1), Level(1200, 200, 3, 1))
+LEVELS = (Level(300, 120, 10, 3, True), Level(600, 160, 5, 1, True), Level(1200, 200, 3, 1))
+TILTS = [(np.radians(tilt), turn) for tilt in (30.0, 55.0) for turn in np.arange(0, 2 * np.pi, np.pi / 2)]
+"""Of patches against the surface, and directions of the tilt across the grid."""
 STEP = 0.5
 """Offsets tried, in samples: between photos 60 degrees apart a patch moves by as much."""
 STIFFNESS = 5.0
@@ -149,7 +165,8 @@ def find_surface(
         for _ in range(level.rounds):
             seen, inside = _seen_and_inside(grid, heights, cameras, papers)
             active = _active(inside, RIM_CELLS * grid.spacing)
-            fresh = _match(grid, heights, stack, seen & active.reshape(-1, 1), reduction * pixel_mm, level.steps)
+            looked_at = seen & active.reshape(-1, 1)
+            fresh = _match(grid, heights, cameras, stack, looked_at, reduction * pixel_mm, level)
             fresh = replace(fresh, sigma=np.maximum(fresh.sigma, SIGMA_PX * pixel_mm))
             measured = _merged(_merged(fresh, sparse), coarse)
             heights = _fit(grid, measured, heights, pixel_mm, active)
@@ -167,13 +184,35 @@ def _seen_and_inside(
     return seen, distance_inside(nodes, seen, cameras, papers).reshape(grid.shape_rc)
 
 
-def _match(grid: Grid, heights: Floats, stack: PhotoStack, seen: Bools, sample_mm: float, steps: int) -> Measured:
-    """Places where the photos agree, near the present surface."""
+def _match(
+    grid: Grid,
+    heights: Floats,
+    cameras: Sequence[Camera],
+    stack: PhotoStack,
+    seen: Bools,
+    sample_mm: float,
+    level: Level,
+) -> Measured:
+    """Places where the photos agree, near the present surface; where they do not, with tilted patches too."""
     nodes, normals = grid.to_space(heights), grid.normals(heights)
-    found = match_patches(stack, nodes, normals, seen, sample_mm, STEP * sample_mm, steps)
-    good = np.isfinite(found.offset) & (found.agreement > AGREEMENT)
-    places = (nodes + found.offset[:, None] * normals)[good]
-    return Measured(places, found.sigma[good], np.full(len(places), RADIUS * sample_mm))
+    found = match_patches(stack, nodes, normals, seen, sample_mm, STEP * sample_mm, level.steps)
+    offset, sigma, agreement = found.offset.copy(), found.sigma.copy(), found.agreement.copy()
+    agreement[np.isnan(offset)] = 0.0
+    for tilt, turn in TILTS if level.tilted else ():
+        poor = np.flatnonzero(seen.any(axis=1) & (agreement < AGREEMENT))
+        across = np.cos(turn) * grid.axes[0] + np.sin(turn) * grid.axes[1]
+        tilted = normalize(np.cos(tilt) * normals[poor] + np.sin(tilt) * across)
+        facing = seen[poor] & facing_cameras(nodes[poor], tilted, cameras)
+        other = match_patches(
+            stack, nodes[poor], tilted, facing, sample_mm, STEP * sample_mm, level.steps, normals[poor]
+        )
+        better = np.isfinite(other.offset) & (other.agreement > agreement[poor])
+        rows = poor[better]
+        offset[rows], sigma[rows] = other.offset[better], other.sigma[better]
+        agreement[rows] = other.agreement[better]
+    good = agreement > AGREEMENT
+    places = (nodes + offset[:, None] * normals)[good]
+    return Measured(places, sigma[good], np.full(len(places), RADIUS * sample_mm))
 
 
 def _fit(grid: Grid, measured: Measured, start: Floats | None, pixel_mm: float, active: Bools | None = None) -> Floats:

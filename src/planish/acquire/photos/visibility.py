@@ -34,9 +34,18 @@ def seen_nodes(points: Floats, normals: Floats, faces: Ints, spacing: float, cam
     return np.stack([_seen(points, normals, faces, spacing, camera) for camera in cameras], axis=1)
 
 
-def _seen(points: Floats, normals: Floats, faces: Ints, spacing: float, camera: Camera) -> Bools:
+def facing_cameras(points: Floats, normals: Floats, cameras: Sequence[Camera]) -> Bools:
+    """(n, cameras) whether surfaces with these normals at these points show their front, not at a grazing angle."""
+    return np.stack([_facing(points, normals, camera) for camera in cameras], axis=1)
+
+
+def _facing(points: Floats, normals: Floats, camera: Camera) -> Bools:
     away = -camera.rotation.T @ np.ravel(camera.translation) - points
-    facing = (normals * away).sum(axis=1) > GRAZING * np.linalg.norm(away, axis=1)
+    return np.asarray((normals * away).sum(axis=1) > GRAZING * np.linalg.norm(away, axis=1))
+
+
+def _seen(points: Floats, normals: Floats, faces: Ints, spacing: float, camera: Camera) -> Bools:
+    facing = _facing(points, normals, camera)
     depth = depths(camera, points)
     photo_xy = project(camera, points) * (np.median(depth) / (camera.matrix[0, 0] * spacing))  # a pixel a spacing
     photo_xy -= photo_xy.min(axis=0)
