@@ -246,6 +246,8 @@ class PhotosReport:
         Part of the sheet's area where photos were compared; the rest is bridged smoothly, as blank paper is.
     surface_error_mm : float
         Standard deviation of the measured places, typical.
+    lost_at_bends_mm : float
+        Length that may be missing across the sharpest bend that was bridged: a gutter or a crumple without print.
     """
 
     photos: int
@@ -258,6 +260,7 @@ class PhotosReport:
     angle_deg: float
     measured_fraction: float
     surface_error_mm: float
+    lost_at_bends_mm: float = 0.0
 
 
 @dataclass(frozen=True)

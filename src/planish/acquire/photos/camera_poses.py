@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import ctypes
+import os
+import signal
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -18,6 +21,8 @@ from planish.errors import InputError, MissingExtraError
 from planish.types import Camera, Floats
 
 SEED = 1
+SIGACTION_BYTES = 512
+"""More than the structure has on any system: 152 on Linux."""
 MIN_MATCHES = 15
 """Of two photos, COLMAP's own."""
 MIN_POINTS = 60
@@ -76,6 +81,23 @@ class CameraPoses:
         return replace(self, cameras=cameras, points=factor * self.points)
 
 
+@contextmanager
+def _kept_sigterm() -> Iterator[None]:
+    """Keep this process's handler of SIGTERM: COLMAP's log installs one that prints a stack trace and aborts.
+
+    By the C library, as Python sets handlers in its main thread only.
+    """
+    library = ctypes.CDLL(None) if os.name == "posix" else None
+    kept = ctypes.create_string_buffer(SIGACTION_BYTES)
+    if library is not None:
+        library.sigaction(signal.SIGTERM, None, kept)
+    try:
+        yield
+    finally:
+        if library is not None:
+            library.sigaction(signal.SIGTERM, kept, None)
+
+
 def import_pycolmap() -> Any:
     """Import pycolmap.
 
@@ -85,7 +107,8 @@ def import_pycolmap() -> Any:
         If it is not installed.
     """
     try:
-        import pycolmap
+        with _kept_sigterm():
+            import pycolmap
     except ImportError:
         raise MissingExtraError(
             "finding where photos were taken needs pycolmap: pip install 'planish[photos]'"

@@ -123,8 +123,8 @@ def match_patches(
     photos = stack.pixels, stack.first, stack.rows, stack.cols, stack.cameras
     with thread_pool() as parallel_for:
         parallel_for(
-            _match, n, *photos, points, normals, along, seen, sample_mm, step_mm, steps, offset, sigma, agreement, views,
-            block=512,
+            _match, n, *photos, points, normals, along, seen, sample_mm, step_mm, steps,
+            offset, sigma, agreement, views, block=512,
         )  # fmt: skip
     return Matches(offset, sigma, agreement, views)
 

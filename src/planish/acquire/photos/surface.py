@@ -73,6 +73,14 @@ RIM_CELLS = 5
 """Heights are sought so far beyond the outline, which the fit may move yet."""
 AGREEMENT = 0.6
 """Least mean correlation of a match."""
+UNSURE = 0.5
+"""Matches less sure than this part of a sample are none: shade that grows one way looks alike everywhere."""
+BEND_WIDTH = 0.015
+"""Half of the width over which bends are looked at, in widths of the grid: 6 mm of A4."""
+SHARPEST = 0.98
+"""Of the bridged places, by the angle in which the sheet turns there."""
+FINE = 4.0
+"""Patches of at most so many pixels a sample measure the sharpest bends."""
 NEAR_POINTS = 4.0
 """Without an outline the sheet reaches so many cells beyond what was measured."""
 STEEPEST = 0.1
@@ -125,6 +133,27 @@ class SheetSurface:
     def within_points(self, nodes: Floats) -> Floats:
         """Positive for nodes (n, 3) near what was measured: the sheet's extent where no outline was found."""
         return NEAR_POINTS * self.grid.spacing - cKDTree(self.measured.points).query(nodes)[0]
+
+    def lost_at_bends(self) -> float:
+        """Length [mm] that may be missing across the sharpest bend that was bridged instead of measured.
+
+        Across a gap of width w in which the sheet turns by t nothing tells a sharp fold, of length w / cos(t / 2), from
+        an arc, of w (t / 2) / sin(t / 2).
+        """
+        nodes, step = self.grid.to_space(self.heights), max(1, round(BEND_WIDTH * self.grid.shape_rc[1]))
+        fine = self.measured.points[self.measured.reach <= self.pixel_mm * RADIUS * FINE]
+        bridged = cKDTree(fine).query(nodes)[0].reshape(self.heights.shape) > 2 * self.grid.spacing
+        bridged &= np.nan_to_num(self.inside_mm, nan=-1.0) > 0
+        if not bridged.any():
+            return 0.0
+        normals = self.grid.normals(self.heights).reshape(*self.heights.shape, 3)
+        turn = np.zeros(self.heights.shape)
+        across = np.arccos(np.clip((normals[:, 2 * step :] * normals[:, : -2 * step]).sum(axis=2), -1, 1))
+        down = np.arccos(np.clip((normals[2 * step :] * normals[: -2 * step]).sum(axis=2), -1, 1))
+        turn[:, step:-step] = across
+        turn[step:-step] = np.maximum(turn[step:-step], down)
+        half = max(float(np.quantile(turn[bridged], SHARPEST)) / 2, 1e-6)
+        return 2 * step * self.grid.spacing * float(1 / np.cos(half) - half / np.sin(half))
 
 
 def find_surface(
@@ -210,7 +239,7 @@ def _match(
         rows = poor[better]
         offset[rows], sigma[rows] = other.offset[better], other.sigma[better]
         agreement[rows] = other.agreement[better]
-    good = agreement > AGREEMENT
+    good = (agreement > AGREEMENT) & (sigma < UNSURE * sample_mm)
     places = (nodes + offset[:, None] * normals)[good]
     return Measured(places, sigma[good], np.full(len(places), RADIUS * sample_mm))
 
