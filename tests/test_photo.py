@@ -345,7 +345,7 @@ def test_paper_size_without_borders_is_refused(book):
 
 
 def test_width_and_paper_contradict_each_other():
-    with pytest.raises(UsageError, match="not both"):
+    with pytest.raises(UsageError, match="give one of"):
         PhotoSettings(width_mm=100, paper="a4")
     with pytest.raises(UsageError, match="width_mm"):
         PhotoSettings(width_mm=0)
