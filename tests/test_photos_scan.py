@@ -1,5 +1,8 @@
 """Several photos of one sheet: measured, at true size, or refused with one sentence."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -64,6 +67,18 @@ def test_scaled_changes_mesh_and_cameras_alike(found):
     before, after = found.acquired.scan, twice.acquired.scan
     assert project(after.camera, after.mesh.points[:50]) == pytest.approx(before.photo_xy[:50], abs=1e-6)
     assert twice.report.surface_error_mm == pytest.approx(2 * found.report.surface_error_mm)
+
+
+def test_colmap_leaves_sigterm_to_the_program():
+    code = (
+        "import os, signal\n"
+        "from planish.acquire.photos.camera_poses import import_pycolmap\n"
+        "signal.signal(signal.SIGTERM, lambda *_: print('ours'))\n"
+        "import_pycolmap()\n"
+        "os.kill(os.getpid(), signal.SIGTERM)\n"
+    )
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (ended.returncode, ended.stdout, ended.stderr) == (0, "ours\n", "")
 
 
 def test_one_photo_is_no_set(sources):

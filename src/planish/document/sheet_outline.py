@@ -15,7 +15,7 @@ WORKING_PX = 800
 """Long side of the small picture on which the sheet is sought."""
 
 CLOSING = 0.03
-"""Print up to this part of the picture's side is closed over before paper is told from ground."""
+"""Print up to this part of the picture's side is closed over before paper is separated from ground."""
 
 NARROW = 0.006
 """The same where two sheets may lie beside each other: the gap between them is wider than that, a rule is not."""
@@ -46,7 +46,7 @@ MIN_AROUND = 0.4
 """Part of all directions in which ground must follow the sheet: a sheet alone with one dark side, shade or print, has
 0.25 to 0.35; a sheet that reaches two borders of the view has 0.5."""
 
-MIN_TOLD = 0.02
+MIN_NOTED = 0.02
 """Part of what was scanned that is left out with a note; less is the ragged rim."""
 
 MIN_SOFT = 0.2
@@ -99,7 +99,7 @@ def _trusted(photo: Pixels, mask: Bools | None, places: Floats | None) -> tuple[
     scale = near.shape[1] / mask.shape[1]
     outside = ~at_places(near, seen, scale)
     share = float((~at_places(mask, seen)).mean()) if outside.any() else 0.0
-    if share < MIN_TOLD:
+    if share < MIN_NOTED:
         return mask, []
     drops = _drops(photo, seen)
     around = share_around(near, seen[outside], scale)

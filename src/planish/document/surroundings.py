@@ -74,8 +74,8 @@ def leave_out_surroundings(scan: Scan) -> tuple[Scan, list[Diagnostic]]:
     cut, warnings = _by_colour(scan)
     if cut is not scan:
         return cut, warnings
-    shaped, told = _by_shape(scan)
-    return (scan, warnings or told) if shaped is scan else (shaped, told)
+    shaped, notes = _by_shape(scan)
+    return (scan, warnings or notes) if shaped is scan else (shaped, notes)
 
 
 def _by_colour(scan: Scan) -> tuple[Scan, list[Diagnostic]]:
@@ -112,12 +112,12 @@ def _by_colour(scan: Scan) -> tuple[Scan, list[Diagnostic]]:
         hint = "give {sheet} as an image that is white on the sheet if that is so"
         return scan, [Diagnostic("surroundings-doubtful", sentence, hint)]
     cut = cut_to_outline(scan, mask, places)[0]
-    told = [_left_out(scan, cut, count_sheets(shown.pixels), cut_off=around < ALL_AROUND)]
+    notes = [_left_out(scan, cut, count_sheets(shown.pixels), cut_off=around < ALL_AROUND)]
     held = sticking_out(mask)
     if held > MAX_STICKING_OUT:
         sentence = f"{100 * held:.0f} % of the sheet stick out of it, as a hand would; the page may be too large"
-        told.insert(0, Diagnostic("surroundings-doubtful", sentence, "give {sheet} as an image without the hand"))
-    return cut, told
+        notes.insert(0, Diagnostic("surroundings-doubtful", sentence, "give {sheet} as an image without the hand"))
+    return cut, notes
 
 
 def _by_shape(scan: Scan) -> tuple[Scan, list[Diagnostic]]:

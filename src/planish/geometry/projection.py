@@ -41,6 +41,17 @@ def project(camera: Camera, points: Floats) -> Floats:
     return np.asarray(pixel[:, :2] / pixel[:, 2:])
 
 
+def camera_position(camera: Camera) -> Floats:
+    """Where a camera stands: (3,) float64 [mm], -R^T t.
+
+    Examples
+    --------
+    >>> camera_position(Camera(np.eye(3), np.eye(3), np.array([0.0, 0, 100]), (480, 640))).tolist()
+    [0.0, 0.0, -100.0]
+    """
+    return np.asarray(-camera.rotation.T @ np.ravel(camera.translation) + 0.0)
+
+
 def depths(camera: Camera, points: Floats) -> Floats:
     """Depth of points in front of a camera: (n,) float64 [mm]; negative behind it."""
     return np.asarray(points @ camera.rotation[2] + np.ravel(camera.translation)[2])

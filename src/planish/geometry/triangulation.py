@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 from numba import njit
 
+from planish.geometry.projection import camera_position
 from planish.parallel import thread_pool
 from planish.types import Camera, Floats
 
@@ -49,7 +50,7 @@ def rays(camera: Camera, xy: Floats) -> tuple[Floats, Floats]:
     xy = np.ascontiguousarray(xy, np.float64).reshape(-1, 2)
     seen = np.column_stack([_undistorted(camera, xy), np.ones(len(xy))])
     seen /= np.linalg.norm(seen, axis=1, keepdims=True)
-    return seen @ camera.rotation, -camera.rotation.T @ np.ravel(camera.translation)
+    return seen @ camera.rotation, camera_position(camera)
 
 
 def _undistorted(camera: Camera, xy: Floats) -> Floats:

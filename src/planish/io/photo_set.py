@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from planish.acquire.photos.scan import SourcePhoto
@@ -10,6 +11,7 @@ from planish.errors import InputError
 from planish.io.cameras import holds_many, read_camera, scaled_camera
 from planish.io.exif import focal_length_px
 from planish.io.images import read_photo
+from planish.io.views import refuse_twice
 from planish.types import Camera, Diagnostic
 
 SUFFIXES = {
@@ -36,9 +38,7 @@ def photo_files(given: Sequence[Path]) -> list[Path]:
             files += found
         else:
             files.append(path)
-    twice = {file for i, file in enumerate(files) if file in files[:i]}
-    if twice:
-        raise InputError(f"the photo {min(twice)} was given twice; give each once")
+    refuse_twice(files)
     return files
 
 
@@ -91,8 +91,4 @@ def read_photo_set(
         return photos, cameras or None, warnings
     shared = photos[0].lens  # one lens, not one for each photo
     same = all(photo.pixels.shape == photos[0].pixels.shape for photo in photos)
-    return [_with_lens(photo, shared) for photo in photos] if same else photos, None, warnings
-
-
-def _with_lens(photo: SourcePhoto, lens: Camera) -> SourcePhoto:
-    return SourcePhoto(photo.name, photo.pixels, photo.focal_px, lens, photo.icc)
+    return [replace(photo, lens=shared) for photo in photos] if same else photos, None, warnings

@@ -18,6 +18,19 @@ def listed(files: Files) -> list[Path]:
     return [Path(files)] if isinstance(files, str | Path) else [Path(file) for file in files]
 
 
+def refuse_twice(photos: Sequence[Path]) -> None:
+    """Refuse photos of which one was given twice.
+
+    Raises
+    ------
+    InputError
+        Naming it.
+    """
+    twice = {str(photo) for i, photo in enumerate(photos) if photo in photos[:i]}
+    if twice:
+        raise InputError(f"the photo {min(twice)} was given twice; give each once")
+
+
 def matched(photos: Sequence[Path], cameras: Sequence[Path]) -> list[Path | None]:
     """The camera file of each photo (of none: of the texture).
 
@@ -37,9 +50,7 @@ def matched(photos: Sequence[Path], cameras: Sequence[Path]) -> list[Path | None
             f"{len(photos)} photos were given and no camera; where the sheet lies on each must be told",
             "give {camera} for each photo, in the same order, or one file that has all of them by name",
         )
-    twice = {str(photo) for i, photo in enumerate(photos) if photo in photos[:i]}
-    if twice:
-        raise InputError(f"the photo {min(twice)} was given twice; give each once")
+    refuse_twice(photos)
     if len(cameras) > 1 and len(cameras) != len(photos):
         raise InputError(
             f"{len(photos) or 'no'} photo{'' if len(photos) == 1 else 's'} and {len(cameras)} cameras were given; give "

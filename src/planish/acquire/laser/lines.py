@@ -19,7 +19,7 @@ from planish.acquire.laser.sweep import crossings_xy, downscale_camera
 from planish.color import linear_light
 from planish.document.sheet_outline import sheet_mask
 from planish.errors import InputError
-from planish.geometry import project
+from planish.geometry import camera_position, project
 from planish.geometry.triangulation import meet_plane, rays
 from planish.types import Bools, Camera, Diagnostic, Floats, Pixels, Scan
 
@@ -149,7 +149,7 @@ def fit_cylinder(upper: Floats, lower: Floats, camera: Camera) -> Cylinder:
     InputError
         If there is none: the page is no cylinder, or the planes are wrong.
     """
-    eye = -camera.rotation.T @ np.ravel(camera.translation)
+    eye = camera_position(camera)
 
     def residuals(tilt: Floats) -> Floats:
         return profile_gap(upper, lower, eye, cylinder_axes(camera, tilt))

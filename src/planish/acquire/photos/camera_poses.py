@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from planish.acquire.photos.features import Features, find_features
 from planish.display.one_line import one_line
 from planish.errors import InputError, MissingExtraError
+from planish.geometry import camera_position
 from planish.types import Camera, Floats
 
 SEED = 1
@@ -77,8 +78,13 @@ class CameraPoses:
 
     def scaled(self, factor: float) -> CameraPoses:
         """The same in another unit."""
-        cameras = tuple(c and replace(c, translation=factor * c.translation) for c in self.cameras)
+        cameras = tuple(c and scaled_pose(c, factor) for c in self.cameras)
         return replace(self, cameras=cameras, points=factor * self.points)
+
+
+def scaled_pose(camera: Camera, factor: float) -> Camera:
+    """The camera in a world so many times as large."""
+    return replace(camera, translation=factor * camera.translation)
 
 
 @contextmanager
@@ -274,7 +280,7 @@ def _collect(
 
 def _median_angle(points: Floats, seen_by: Sequence[Sequence[int]], cameras: Sequence[Camera | None]) -> float:
     """Median of the largest angle [degrees] between two rays to a point."""
-    eyes = np.array([np.full(3, np.nan) if c is None else -c.rotation.T @ np.ravel(c.translation) for c in cameras])
+    eyes = np.array([np.full(3, np.nan) if c is None else camera_position(c) for c in cameras])
     some = range(0, len(points), max(1, len(points) // 2000))
     angles = []
     for k in some:

@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from planish.acquire.photos.markers import Markers, corners_of
 from planish.errors import InputError
+from planish.geometry import camera_position
 from planish.types import Camera, Floats
 
 SAME_PX = 3.0
@@ -164,7 +165,7 @@ def _largest_agreement(detections: list[tuple[int, Floats]], cameras: Sequence[C
 
 def _eye(camera: Camera | None) -> Floats:
     assert camera is not None
-    return np.asarray(-camera.rotation.T @ np.ravel(camera.translation))
+    return camera_position(camera)
 
 
 def _parallax_deg(*places: tuple[Camera | None, Floats]) -> float:

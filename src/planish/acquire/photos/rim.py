@@ -13,7 +13,7 @@ from numba import njit
 
 from planish.acquire.photos.paper import Paper
 from planish.acquire.photos.patch_matching import PhotoStack, project_point, stack_photos
-from planish.geometry import depths
+from planish.geometry import camera_position, depths
 from planish.parallel import thread_pool
 from planish.types import Camera, Floats
 
@@ -24,7 +24,9 @@ ON_OUTLINE_PX = 3.0
 MIN_SHARE = 0.6
 """Of the other photos on whose outline a place must lie, and at least `FEWEST` of them."""
 FEWEST = 2
+"""With one other photo alone nearly every ray has such a place."""
 DEPTH_STEPS = 600
+"""Of a ray: half a millimetre over the 300 mm that are searched for A4."""
 BEYOND = 0.25
 """Depths are tried so far beyond those of the sheet's points, in parts of the sheet's extent."""
 
@@ -59,11 +61,11 @@ def _rays(paper: Paper, camera: Camera) -> tuple[Floats, Floats]:
     """The camera's place (3,), and directions (k, 3) of depth 1 through pixels of the outline."""
     inside = (paper.inside_px > 0).astype(np.uint8)
     outlines = cv2.findContours(inside, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]
-    pixels = max(outlines, key=len).reshape(-1, 2).astype(np.float64)
+    pixels = max(outlines, key=len, default=np.zeros((0, 2))).reshape(-1, 2).astype(np.float64)
     rows, cols = inside.shape
     pixels = pixels[(pixels > 1).all(axis=1) & (pixels < [cols - 2, rows - 2]).all(axis=1)]
     pixels = pixels[:: max(1, len(pixels) // OUTLINE_STEPS)]
-    eye = -camera.rotation.T @ np.ravel(camera.translation)
+    eye = camera_position(camera)
     if not len(pixels):
         return eye, np.zeros((0, 3))
     lens = camera.distortion if camera.distortion.size else np.zeros(4)

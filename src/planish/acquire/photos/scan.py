@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from planish.acquire.grid_mesh import AcquiredScan
-from planish.acquire.photos.camera_poses import CameraPoses, Lens, find_camera_poses
+from planish.acquire.photos.camera_poses import MIN_POINTS, CameraPoses, Lens, find_camera_poses, scaled_pose
 from planish.acquire.photos.marker_scale import scale_from_markers
 from planish.acquire.photos.markers import find_markers
 from planish.acquire.photos.outline import clip_mesh, distance_inside
@@ -29,11 +29,10 @@ USUAL_FOCAL = 0.8
 FEWEST_VIEWS = 3
 """Points seen by fewer photos are not believed where there are more than three: two rays always nearly meet somewhere
 along an epipolar line."""
-FEWEST_POINTS = 60
 NEAR_CELLS = 3.0
 """Places of the sheet are measured if something was, so near to them."""
-TOLD_MM = 0.6
-"""Length that may be missing at sharp bends from which a user is told. Letters folded in three have 0.4, an open book
+WARNED_MM = 0.6
+"""Length that may be missing at sharp bends from which a user is warned. Letters folded in three have 0.4, an open book
 with a gutter of 118 degrees 0.7 (where 7 mm are missing), a crumpled sheet 1.0."""
 PAPER_ERROR = 5e-4
 """Of the size from a paper's format: sheets are cut to a tenth of a millimetre or two."""
@@ -83,7 +82,7 @@ class PhotosScan:
         """The same at another size, from another source."""
         scan, error = self.acquired.scan, factor * self.report.surface_error_mm
         assert scan.camera is not None
-        cameras = [_scaled(camera, factor) for camera in (scan.camera, *(view.camera for view in scan.others))]
+        cameras = [scaled_pose(camera, factor) for camera in (scan.camera, *(view.camera for view in scan.others))]
         scan = replace(
             scan,
             mesh=Mesh.owned(factor * scan.mesh.points, scan.mesh.faces),
@@ -145,7 +144,7 @@ def from_photos(
     used = [k for k, camera in enumerate(poses.cameras) if camera is not None]
     left_out = [photo.name for k, photo in enumerate(photos) if k not in used]
     papers = [find_paper(to_uint8(photos[k].pixels)) for k in used]
-    poses, scale, scale_error, warnings = _to_mm(poses, photos, papers, used, s, known=cameras is not None)
+    poses, scale, scale_error, warnings = _to_mm(poses, photos, used, s, known=cameras is not None)
     placed = [camera for camera in poses.cameras if camera is not None]
     points = _points_of_sheet(poses, placed, papers)
     done(0.5)
@@ -214,7 +213,6 @@ def _poses(
 def _to_mm(
     poses: CameraPoses,
     photos: Sequence[SourcePhoto],
-    papers: Sequence[Paper | None],
     used: Sequence[int],
     settings: PhotoSettings,
     *,
@@ -248,9 +246,9 @@ def _points_of_sheet(poses: CameraPoses, cameras: Sequence[Camera], papers: Sequ
     if any(paper is not None for paper in papers):
         everywhere = np.ones((len(points), len(cameras)), bool)
         points = points[np.nan_to_num(distance_inside(points, everywhere, cameras, papers), nan=-1) > 0]
-    if len(points) >= FEWEST_POINTS:
+    if len(points) >= MIN_POINTS:
         points = points[fit_tangent_planes(points).kept]  # a false point far off bends blank paper around it
-    if len(points) < FEWEST_POINTS:
+    if len(points) < MIN_POINTS:
         raise InputError(
             f"only {len(points)} places of the sheet were found again in the photos; take more photos, from nearer, in "
             "good light, each overlapping the others"
@@ -283,10 +281,6 @@ def _area(mesh: Mesh) -> float:
     return float(np.linalg.norm(area_vectors(mesh.points, mesh.faces), axis=1).sum())
 
 
-def _scaled(camera: Camera, factor: float) -> Camera:
-    return replace(camera, translation=factor * camera.translation)
-
-
 def _scan(mesh: Mesh, photos: Sequence[SourcePhoto], cameras: Sequence[Camera]) -> Scan:
     """The photo that shows the sheet largest comes first."""
     sizes = [float(np.median(camera.matrix[0, 0] / depths(camera, mesh.points))) for camera in cameras]
@@ -313,7 +307,7 @@ def _notes(report: PhotosReport, papers: Sequence[Paper | None], names: Sequence
                 "give {marker_mm} with a printed marker beside the sheet, {paper} or {width_mm}",
             )
         )
-    if report.lost_at_bends_mm > TOLD_MM:
+    if report.lost_at_bends_mm > WARNED_MM:
         sentence = (
             "the sheet bends sharply where nothing is printed, as in a gutter or a crumple; the page may be some "
             "millimetres too short across it"

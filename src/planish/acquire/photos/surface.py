@@ -1,7 +1,7 @@
 """The surface of a sheet from photos with known cameras, coarse to fine.
 
 A height field through the points that all photos share is moved, patch by patch, to where the photos agree, and fitted
-again with sharp creases; on photos of an eighth of the size first, on the whole ones last. The ground is painted black
+again with sharp creases; on photos in which the sheet is 300 pixels long first, 1200 last. The ground is painted black
 beforehand, so that the outline of the sheet is a pattern like any print, which measures the rim of blank paper too.
 """
 
@@ -22,7 +22,7 @@ from planish.acquire.photos.paper import Paper
 from planish.acquire.photos.patch_matching import RADIUS, PhotoStack, match_patches, stack_photos
 from planish.acquire.photos.rim import rim_points
 from planish.acquire.photos.visibility import facing_cameras, seen_nodes
-from planish.geometry import depths
+from planish.geometry import camera_position, depths
 from planish.geometry.axes import principal_axes
 from planish.geometry.guards import normalize
 from planish.types import Bools, Camera, Floats
@@ -292,7 +292,7 @@ def _resampled(grid: Grid, heights: Floats, finer: Grid) -> Floats:
 def sheet_grid(points: Floats, cameras: Sequence[Camera], cells: int) -> Grid:
     """Lay a grid over the points of a sheet, as square to its printed side everywhere as possible."""
     middle = points.mean(axis=0)
-    eyes = np.array([-c.rotation.T @ np.ravel(c.translation) for c in cameras])
+    eyes = np.array([camera_position(c) for c in cameras])
     axes, _ = principal_axes(points)
     up = axes[2] if ((eyes - middle) @ axes[2]).mean() > 0 else -axes[2]
     up = _squarest(points, eyes, up)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from planish.geometry import depths, project
+from planish.geometry import camera_position, depths, project
 from planish.mesh import rasterize
 from planish.types import Bools, Camera, Floats, Ints
 
@@ -40,7 +40,7 @@ def facing_cameras(points: Floats, normals: Floats, cameras: Sequence[Camera]) -
 
 
 def _facing(points: Floats, normals: Floats, camera: Camera) -> Bools:
-    away = -camera.rotation.T @ np.ravel(camera.translation) - points
+    away = camera_position(camera) - points
     return np.asarray((normals * away).sum(axis=1) > GRAZING * np.linalg.norm(away, axis=1))
 
 

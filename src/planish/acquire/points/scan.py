@@ -14,7 +14,7 @@ from planish.acquire.range_image.depth import check_photo_size
 from planish.acquire.range_image.grid import plausible_origin
 from planish.document.sheet_outline import sheet_mask
 from planish.errors import InputError
-from planish.geometry import project
+from planish.geometry import camera_position, project
 from planish.geometry.guards import TINY_MM
 from planish.types import Bools, Camera, Diagnostic, Floats, Pixels, Scan
 
@@ -120,7 +120,7 @@ def _printed_side(
 ) -> tuple[Floats, list[Diagnostic]]:
     """Direction towards the printed side for each point, and warnings."""
     if seen_from is None and camera is not None:
-        seen_from = -camera.rotation.T @ np.ravel(camera.translation)
+        seen_from = camera_position(camera)
     if seen_from is not None:
         return np.asarray(seen_from) - points, []
     if normals is not None and normals.any():
