@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from planish.gallery import sheet, sheet_mesh, virtual_scan
-from planish.geometry.grid_rows import viewpoint_of_rows
-from planish.mesh import grid_faces, topology
+from planish.geometry.grid_rows import LEAST_IN_ROWS, viewpoint_of_rows
+from planish.mesh import grid_faces, local_order, renumbered, topology
 from planish.types import Page
 
 BLANK = Page(np.full((60, 50), 255, np.uint8), np.ones((60, 50), bool), 25.4), ""
@@ -28,6 +28,16 @@ def test_a_mesh_without_rows_or_with_errors_in_all_directions_shows_nothing():
     grid, _ = sheet_mesh(sheet("wave"), 5000, layout="grid")
     points = grid.points + np.random.default_rng(0).normal(0, 0.1, grid.points.shape)
     assert viewpoint_of_rows(points, topology(grid.faces, len(points)).edges) is None
+
+
+def test_a_random_mesh_in_memory_order_is_no_range_image(monkeypatch):
+    """Its consecutive points share edges as well; runs need not be laid out to see that they are no rows."""
+    random, _ = sheet_mesh(sheet("wave"), 5000, layout="delaunay")
+    mesh = renumbered(random, local_order(random, topology(random.faces, len(random.points))))
+    edges = topology(mesh.faces, len(mesh.points)).edges
+    assert (np.diff(edges, axis=1) == 1).mean() > LEAST_IN_ROWS
+    monkeypatch.setattr("planish.geometry.grid_rows._aligned", lambda *_: pytest.fail("rows were laid out"))
+    assert viewpoint_of_rows(mesh.points, edges) is None
 
 
 def test_holes_in_the_image_do_not_matter():

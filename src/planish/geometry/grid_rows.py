@@ -16,6 +16,10 @@ from planish.types import Bools, Floats, Ints
 LEAST_IN_ROWS = 0.2
 """Share of the edges that must join consecutive points: a third in a range image, next to none in any other mesh."""
 
+LEAST_PARALLEL = 0.4
+"""Share of the edges between two rows whose next points are joined, too: 0.63 where three tenths of the pixels are
+missing, 0.7 and more in whole range images, 0.17 in a random mesh in the order of a Morton curve."""
+
 FAR = 1e5
 """Distance, in extents of the mesh, at which the viewpoint of parallel rays is placed."""
 
@@ -69,7 +73,7 @@ def viewpoint_of_rows(points: Floats, edges: Ints) -> Floats | None:
 def _pixels(points: Floats, edges: Ints) -> tuple[Pixels, Pixels] | None:
     """(n, 2) column and row of every point and (n,) its run of pixels, or None where the mesh has no rows."""
     in_row = edges[:, 1] - edges[:, 0] == 1
-    if len(edges) == 0 or in_row.mean() < LEAST_IN_ROWS:
+    if len(edges) == 0 or in_row.mean() < LEAST_IN_ROWS or _parallel(edges, ~in_row, len(points)) < LEAST_PARALLEL:
         return None
     starts = np.ones(len(points), bool)
     starts[edges[in_row, 1]] = False
@@ -81,6 +85,14 @@ def _pixels(points: Floats, edges: Ints) -> tuple[Pixels, Pixels] | None:
     some = edges[:: len(edges) // SAMPLE + 1]
     step = np.abs(pixels[some[:, 1]] - pixels[some[:, 0]])
     return (pixels, run) if (step.max(axis=1) <= 1).mean() >= MIN_REGULAR else None
+
+
+def _parallel(edges: Ints, some: Bools, count: int) -> float:
+    """Share of some edges (i, j), over a sample, for which (i + 1, j + 1) is an edge as well."""
+    number = edges[:, 0].astype(np.int64) * count + edges[:, 1]
+    wanted = number[some][:: len(edges) // SAMPLE + 1] + count + 1
+    found = number[np.minimum(np.searchsorted(number, wanted), len(number) - 1)] == wanted
+    return float(found.mean()) if len(found) else 0.0
 
 
 def _aligned(points: Floats, edges: Ints, run: Pixels, column: Pixels) -> Pixels | None:

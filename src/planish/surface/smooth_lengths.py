@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import Enum
+from functools import cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -139,9 +140,10 @@ def smooth_lengths(points: Floats, faces: Ints, topology: Topology, *, eye: Floa
     with thread_pool() as parallel_for:
         raw = distances(points, topology.edges)
         scan = measure_scan(points, faces, topology, raw, parallel_for)
+        find_eye = cache(partial(viewpoint_of_rows, points, topology.edges))
         spikes, feet, axes = find_spikes(scan.points, scan.rows, scan.ring, scan.spacing, parallel_for)
         if len(spikes):
-            eye = viewpoint_of_rows(points, topology.edges) if eye is None else eye
+            eye = find_eye() if eye is None else eye
             points = _without_spikes(points, spikes, feet + scan.middle, axes, eye)
             raw = distances(points, topology.edges)
             scan = measure_scan(points, faces, topology, raw, parallel_for)
@@ -149,7 +151,7 @@ def smooth_lengths(points: Floats, faces: Ints, topology: Topology, *, eye: Floa
         buckling = math.sqrt(float(np.quantile(raw_defects, 0.25))) if len(raw_defects) else 0.0
         plan = plan_smoothing(scan, buckling, parallel_for)
         if plan.rounds and eye is None:
-            eye = viewpoint_of_rows(points, topology.edges)
+            eye = find_eye()
         original = scan.points
         if plan.same_side:
             scan = _presmoothed(scan, faces, topology, eye, plan.same_side, parallel_for)
