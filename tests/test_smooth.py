@@ -105,6 +105,18 @@ def test_edges_across_a_clean_fold_go_over_the_paper_not_through_the_air(name):
     assert worst_bias(lengths(mesh, topo).rest, truth_xy, topo) < worst_bias(raw, truth_xy, topo) / 4
 
 
+@pytest.mark.parametrize("sigma", [0.0, 0.05])
+def test_no_way_over_a_crumpled_sheet_is_shorter_than_the_straight_one(sigma):
+    """Where several facets meet, two planes tell lengths up to a half too short; the chord is a bound."""
+    mesh, truth_xy = sheet_mesh(sheet("crumpled"), points=60_000)
+    topo = topology(mesh.faces, len(mesh.points))
+    ray = mesh.points - SCANNER_MM
+    ray /= np.linalg.norm(ray, axis=1, keepdims=True)
+    noisy = mesh.points + sigma * np.random.default_rng(5).normal(size=(len(ray), 1)) * ray
+    rest = smooth_lengths(noisy, mesh.faces, topo, eye=SCANNER_MM).rest
+    assert (rest / distances(truth_xy, topo.edges)).min() > 0.65  # without the bound 0.55
+
+
 @pytest.mark.slow
 def test_a_folded_sheet_with_points_on_its_folds_is_left_alone():
     uv, faces = grid(31, 21, width=100.0, height=150.0)

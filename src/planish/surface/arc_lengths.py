@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from planish.geometry.vectors import cross, dot, minus, plus, row, square, unit
 from planish.parallel import ParallelFor
 from planish.surface.curvature import CURVATURE, ShapeOperators
+from planish.surface.normals import SAMPLE
 from planish.types import Floats, Ints
 
 GAUSS = (1 - 1 / math.sqrt(3)) / 2
@@ -18,6 +19,11 @@ GAUSS = (1 - 1 / math.sqrt(3)) / 2
 
 BEND, POLYGON = math.radians(20), math.radians(30)
 """An edge along which the sheet bends by more is no chord of an arc but the side of a polygon."""
+
+
+MOSTLY, CHORD_SLACK = 0.9, 4.0
+"""Lengths may be below the straight distance of their ends by what noise has made that longer: by as much as heights
+CHORD_SLACK times those that all but a tenth of the edges have between their ends, across the surface."""
 
 
 def lengths_over(
@@ -42,6 +48,49 @@ def lengths_over(
     rest = np.empty(len(edges))
     parallel_for(_lengths_over, len(edges), points, normals, bends, edges, rest)
     return rest
+
+
+def not_below_chords(
+    rest: Floats,
+    points: Floats,
+    normals: NDArray[np.float32],
+    edges: Ints,
+    noise_ratio: Floats,
+    parallel_for: ParallelFor,
+) -> Floats:
+    """(e,) lengths, but none below the straight distance d of its ends as far as noise lets that be known.
+
+        L >= sqrt(d^2 - (CHORD_SLACK h)^2)
+
+    No way over a surface is shorter. Where more than two facets meet, lengths from two planes come out up to a half too
+    short. h is what noise leaves between the ends of an edge across the surface, as most edges show it, times the local
+    noise.
+
+    Parameters
+    ----------
+    rest : (e,) float64 [mm]
+    points : (n, 3) float64 [mm]
+    normals : (n, 3) float32
+    edges : (e, 2) int32
+    noise_ratio : (n,) float64
+        Local noise over the typical one.
+    """
+    some = edges[:: max(1, len(edges) // SAMPLE)]
+    between = (normals[some[:, 0]] + normals[some[:, 1]]).astype(np.float64)
+    across = np.einsum("ij,ij->i", points[some[:, 1]] - points[some[:, 0]], between)
+    across /= np.maximum(np.linalg.norm(between, axis=1), 1e-30)
+    slack = CHORD_SLACK * float(np.quantile(np.abs(across), MOSTLY)) if len(some) else 0.0
+    out = np.empty(len(edges))
+    parallel_for(_not_below_chords, len(edges), rest, points, edges, slack, noise_ratio, out)
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _not_below_chords(first, last, rest, points, edges, slack, noise_ratio, out):  # type: ignore[no-untyped-def]
+    for e in range(first, last):
+        i, j = edges[e, 0], edges[e, 1]
+        height = slack * max(noise_ratio[i], noise_ratio[j])
+        out[e] = math.sqrt(max(square(minus(row(points, j), row(points, i))) - height * height, rest[e] * rest[e]))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -14,7 +14,7 @@ from planish.geometry.distances import distances
 from planish.geometry.grid_rows import viewpoint_of_rows
 from planish.mesh import Topology
 from planish.parallel import ParallelFor, thread_pool
-from planish.surface.arc_lengths import lengths_over
+from planish.surface.arc_lengths import lengths_over, not_below_chords
 from planish.surface.flipped_faces import flipped_by_noise
 from planish.surface.local_quadrics import SAME_SIDE_OF_STEEP, average_normals, onto_quadrics
 from planish.surface.noise import FROM_MEAN, FROM_MEDIAN, angle_defects, local_sigma, noise_length, robust_sigma
@@ -41,6 +41,10 @@ moves no point along the sheet. With 1 the expected error is 1.4 to 3.5 times th
 SHARED_LEFT = 0.6
 """Part of shared noise that is still in the page where points moved along their rays: its long waves, which look like
 the sheet's. Measured: 0.4 (wave) to 1.1 (spread)."""
+
+FAINT = 0.15
+"""Noise, in edges, up to which straight distances bound the lengths (`not_below_chords`). Where it is more, normals
+differ because of it, points are left off the surface, and some distances are far too long."""
 
 RADII_OF_QUADRICS, SIZE_SETTLED = (3.0, 5.0, 8.0), 0.003
 """Radii [edges] of quadrics that are tried, until all edges together get shorter by less than SIZE_SETTLED."""
@@ -170,11 +174,15 @@ def smooth_lengths(points: Floats, faces: Ints, topology: Topology, *, eye: Floa
         else:
             return _without_noise(raw, surface, scan, buckling, Smoothing.REFUSED, len(spikes))
         if not tried.rounds:
+            rest = not_below_chords(rest, moved, surface.normals, scan.edges, np.ones(len(points)), parallel_for)
             return _without_noise(rest, surface, scan, buckling, Smoothing.CLEAN, len(spikes))
         off = surface.off
         if scan.points is not original:
             off = off + np.einsum("ij,ij->i", original - scan.points, surface.normals).astype(np.float32)
         noise = FROM_MEAN * local_sigma(scan.points, np.abs(off), scan.spacing, parallel_for)
+        typical = float(np.median(noise))
+        ratio = np.where(noise < FAINT * scan.spacing, noise / max(typical, 1e-300), np.inf)
+        rest = not_below_chords(rest, moved, surface.normals, scan.edges, ratio, parallel_for)
         length = noise_length(off, topology.edges, scan.spacing)
         turned = flipped_by_noise(moved if tried.move else scan.points, faces, surface.normals, parallel_for)
         doubt = Doubt.STRONG if scan.points is not original else None
@@ -184,7 +192,7 @@ def smooth_lengths(points: Floats, faces: Ints, topology: Topology, *, eye: Floa
         rest,
         surface.normals,
         noise,
-        float(np.median(noise)),
+        typical,
         Smoothing.SMOOTHED,
         turned,
         left,
