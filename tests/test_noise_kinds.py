@@ -30,12 +30,14 @@ def flattened(mesh, truth_xy):
     return flat, rms, size, float(np.sqrt((flat.error_mm**2).mean())) / rms
 
 
-# What it was without knowing the noise: 0.28 and 0.27 mm, 1.4 and 1.3 mm; now 0.015 to 0.025, and 0.02 mm.
+# What it was without knowing the noise: 0.28 and 0.27 mm, 1.4 and 1.3 mm. With folds rounded off: the spread 0.092 mm,
+# of which a fifth was expected, the letter 0.017.
 @pytest.mark.parametrize(
     ("name", "noise", "at_most_mm", "size"),
     [
-        ("book", {"ripple_mm": 0.12}, 0.05, 7e-4),
-        ("letter", {"ripple_mm": 0.12}, 0.05, 5e-4),
+        ("book", {"ripple_mm": 0.12}, 0.03, 4e-4),
+        ("letter", {"ripple_mm": 0.12}, 0.01, 2e-4),
+        ("spread", {"ripple_mm": 0.12, "ripple_deg": 80.0, "ripple_px": 9.0}, 0.06, 1e-3),
         ("letter", {"ripple_mm": 0.12, "ripple_deg": 80.0, "ripple_px": 9.0}, 0.06, 8e-4),
         ("wave", {"white_mm": 0.12, "step_mm": 0.5}, 0.05, 1e-3),
     ],

@@ -23,6 +23,7 @@ from planish.io import read_scan
 from planish.mesh import repair, topology
 from planish.sticks import make_sticks
 from planish.surface import Smoothing, smooth_lengths, smooth_normals
+from planish.surface.normals import SAMPLE, sample
 from planish.types import Mesh
 from shapes import arch, grid, rigid_rms
 
@@ -103,6 +104,16 @@ def test_edges_across_a_clean_fold_go_over_the_paper_not_through_the_air(name):
     raw = distances(mesh.points, topo.edges)
     # Few edges cross a fold, so the sheet's size is out by little even raw; a quarter of that is the rule's doing.
     assert worst_bias(lengths(mesh, topo).rest, truth_xy, topo) < worst_bias(raw, truth_xy, topo) / 4
+
+
+def test_a_sample_has_edges_of_every_direction_and_all_phases_of_a_ripple():
+    """In a range image every third edge runs the same way: equal steps of 126 would take one way and one phase of 7."""
+    rows = sample(126 * SAMPLE)
+    assert len(np.unique(rows)) == SAMPLE
+    for period in (3, 7, 9, 21, 126):
+        counts = np.bincount(rows % period, minlength=period)
+        assert counts.min() > 0.7 * SAMPLE / period
+    assert sample(10).tolist() == list(range(10))
 
 
 @pytest.mark.parametrize("sigma", [0.0, 0.05])

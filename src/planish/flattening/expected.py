@@ -37,17 +37,17 @@ TERMS = 11
 def expected_error(xy: Floats, sticks: Sticks, at_rest: Floats | None = None) -> tuple[Floats, Floats]:
     """Expected distance of every point from its true place on the page, rms.
 
-        e^2 = max over R of (a s_R sqrt(R L))^2 + (c s sqrt(h L))^2 min(n h / L, 1)^2 + (b sigma)^2
+        e^2 = max over R of (a s_R sqrt(R L))^2 + (c s sqrt(h L))^2 min(n h / L, 1)^2 + (b sigma)^2 + beta^2
 
     s_R is the strain tensor of patches of width R, fitted to all edges in each and averaged around the point (norm,
     rms), L the side of the sheet, sigma the scanner's noise as far as it is left in the lengths. Strain that changes
     sign from patch to patch at random adds up over the L / R patches of a side to s_R R sqrt(L / R), which is the first
     term; strain that changes sign from edge to edge, as white noise leaves it, all but cancels in patches, and strain
-    sign from patch to patch at random adds up over the L / R patches of a side to s_R R sqrt(L / R), which is the first
-    term; strain that changes sign from edge to edge, as white noise leaves it, all but cancels in patches, and strain
     that is alike over many points, as noise that neighbours share leaves it, does not. A mesh of a thousand points or
     so, with edges h long, has no patches to speak of: there the strain s of its edges counts by itself, as folds cut
-    short leave it. Noise moves a point along the sheet too, by the last term. All were measured against the truth, see
+    short leave it. Noise moves a point along the sheet too, by the third term. What makes the whole sheet too small
+    leaves no strain at all, so that it must be known from elsewhere: beta is what smoothing takes off the sheet's bends
+    (`Sticks.bias_mm`). All were measured against the truth, see
     docs/benchmarks.md; the expectation is good to a factor of two.
 
     Parameters
@@ -73,7 +73,7 @@ def expected_error(xy: Floats, sticks: Sticks, at_rest: Floats | None = None) ->
     edge = max(median_edge(rest), 1e-300)
     side = float(np.sqrt(np.prod(np.maximum(high - low, edge))))
     spread, square = _strain_maps(xy, pairs, rest, edge, side)
-    squared_error = STRAIN_WEIGHT**2 * side * spread + moved
+    squared_error = STRAIN_WEIGHT**2 * side * spread + moved + sticks.bias_mm**2
     squared_error += (EDGE_WEIGHT * min(COARSE * edge / side, 1.0)) ** 2 * edge * side * square
     if sticks.noise_mm is not None:
         around = sticks.turned is not None and float(sticks.turned.mean()) > TURNED

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from planish.geometry.vectors import cross, dot, minus, plus, row, square, unit
 from planish.parallel import ParallelFor
 from planish.surface.curvature import CURVATURE, ShapeOperators
-from planish.surface.normals import SAMPLE
+from planish.surface.normals import sample
 from planish.types import Floats, Ints
 
 GAUSS = (1 - 1 / math.sqrt(3)) / 2
@@ -73,9 +73,9 @@ def not_below_chords(
     normals : (n, 3) float32
     edges : (e, 2) int32
     noise_ratio : (n,) float64
-        Local noise over the typical one.
+        Local noise over the typical one; infinite where straight distances tell nothing.
     """
-    some = edges[:: max(1, len(edges) // SAMPLE)]
+    some = edges[sample(len(edges))]
     between = (normals[some[:, 0]] + normals[some[:, 1]]).astype(np.float64)
     across = np.einsum("ij,ij->i", points[some[:, 1]] - points[some[:, 0]], between)
     across /= np.maximum(np.linalg.norm(between, axis=1), 1e-30)
@@ -89,8 +89,10 @@ def not_below_chords(
 def _not_below_chords(first, last, rest, points, edges, slack, noise_ratio, out):  # type: ignore[no-untyped-def]
     for e in range(first, last):
         i, j = edges[e, 0], edges[e, 1]
-        height = slack * max(noise_ratio[i], noise_ratio[j])
-        out[e] = math.sqrt(max(square(minus(row(points, j), row(points, i))) - height * height, rest[e] * rest[e]))
+        ratio, out[e] = max(noise_ratio[i], noise_ratio[j]), rest[e]
+        if ratio < math.inf:
+            chord = math.sqrt(max(square(minus(row(points, j), row(points, i))) - (slack * ratio) ** 2, 0.0))
+            out[e] = max(rest[e], chord)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -14,7 +14,7 @@ from numba import njit
 from planish.geometry.vectors import dot, minus, row, square
 from planish.parallel import ParallelFor
 from planish.surface.curvature import CURVATURE, ShapeOperators, rotate_along_bend
-from planish.surface.normals import AREA, NOISE, PLACE, SAMPLE, OneRing, VertexRecords
+from planish.surface.normals import AREA, NOISE, PLACE, OneRing, VertexRecords, sample
 from planish.types import Floats, Ints
 
 PLACE_IN_RING = 0.6
@@ -63,7 +63,7 @@ def assign_crease_sides(
     -------
     (n,) int32
     """
-    some = np.arange(0, len(rows), max(1, len(rows) // SAMPLE))
+    some = sample(len(rows))
     typical = max(float(np.median(_spreads(some, rows, ring))), 1e-12) if len(some) else 1.0
     blur = 2.0 * noise**2 + BLUR * spacing**2 + 1e-30
     source = np.empty(len(rows), np.int32)

@@ -12,7 +12,7 @@ from planish.geometry.vectors import dot, minus, row, tangents
 from planish.parallel import ParallelFor
 from planish.surface.noise_scale import UNKNOWNS, solve_symmetric
 from planish.surface.normals import AREA, OneRing, VertexRecords
-from planish.types import Floats
+from planish.types import Floats, Ints
 
 ROOM = 600
 """Neighbours that are used at most."""
@@ -56,8 +56,9 @@ def onto_quadrics(
     radius: float,
     parallel_for: ParallelFor,
     same_side: float,
+    at: Ints | None = None,
 ) -> Floats:
-    """Move every point along its direction onto a quadric fitted to its neighbours, with Gaussian weights.
+    """Move points along their directions onto quadrics fitted to their neighbours, with Gaussian weights.
 
     Parameters
     ----------
@@ -71,32 +72,36 @@ def onto_quadrics(
         Standard deviation of the weights.
     same_side : float
         Least cosine between the normals of neighbours that count.
+    at : (k,) int32, optional
+        Rows of the points that are moved; by default all.
 
     Returns
     -------
     (n, 3) float64 [mm]
     """
-    moved = np.empty_like(points)
+    moved = points.copy()
+    at = np.arange(len(points), dtype=np.int32) if at is None else at
     parallel_for(
-        _onto_quadrics, len(points), points, normals, directions, ring, 1 / radius, REACH**2, same_side, STIFF, moved,
+        _onto_quadrics, len(at), at, points, normals, directions, ring, 1 / radius, REACH**2, same_side, STIFF, moved,
         block=2048,
     )  # fmt: skip
     return moved
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _onto_quadrics(first, last, points, normals, directions, ring, scale, reach, same_side, stiff, moved):  # type: ignore[no-untyped-def]
+def _onto_quadrics(first, last, at, points, normals, directions, ring, scale, reach, same_side, stiff, moved):  # type: ignore[no-untyped-def]
     near, stamp = np.empty(ROOM, np.int32), np.zeros(len(points), np.int32)
     matrix, terms = np.empty((UNKNOWNS, UNKNOWNS + 1)), np.empty(UNKNOWNS)
-    for i in range(first, last):
-        axis, n, at = row(directions, i), row(normals, i), row(points, i)
+    for m in range(first, last):
+        i = at[m]
+        axis, n, place = row(directions, i), row(normals, i), row(points, i)
         s, t = tangents(axis)
         near[0], stamp[i], count, done = i, i + 1, 1, 0
         matrix[:] = 0.0
         while done < count:
             j = near[done]
             done += 1
-            step = minus(row(points, j), at)
+            step = minus(row(points, j), place)
             u, v, height = scale * dot(step, s), scale * dot(step, t), dot(step, axis)
             agree = max(0.0, (dot(row(normals, j), n) - same_side) / (1.0 - same_side))
             weight = math.exp(-0.5 * (u * u + v * v)) * agree * agree
@@ -109,7 +114,7 @@ def _onto_quadrics(first, last, points, normals, directions, ring, scale, reach,
                 k = ring.neighbour[q]
                 if stamp[k] == i + 1 or count == len(near):
                     continue
-                step = minus(row(points, k), at)
+                step = minus(row(points, k), place)
                 u, v = scale * dot(step, s), scale * dot(step, t)
                 if u * u + v * v < reach and dot(row(normals, k), n) > same_side:
                     stamp[k], near[count] = i + 1, k

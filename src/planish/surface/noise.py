@@ -13,7 +13,7 @@ from planish.mesh import Topology, bounds
 from planish.parallel import ParallelFor
 from planish.surface.creases import height_over
 from planish.surface.curvature import CURVATURE, ShapeOperators
-from planish.surface.normals import SAMPLE, OneRing, VertexRecords
+from planish.surface.normals import OneRing, VertexRecords, sample
 from planish.types import Floats, Ints
 
 FROM_MEDIAN, FROM_MEAN = 1.4826, 1.2533
@@ -87,7 +87,7 @@ def surface_noise(
 
 def robust_sigma(off: NDArray[np.float32]) -> float:
     """Standard deviation of noise, from the median of its sizes over a sample."""
-    some = off[:: max(1, len(off) // SAMPLE)]
+    some = off[sample(len(off))]
     some = some[np.isfinite(some)]
     return FROM_MEDIAN * float(np.median(np.abs(some))) if len(some) else 0.0
 
@@ -97,7 +97,7 @@ def noise_length(off: NDArray[np.float32], edges: Ints, spacing: float) -> float
 
     Told from the correlation r of points that share an edge, as if it fell like a Gaussian with the distance.
     """
-    some = edges[:: max(1, len(edges) // SAMPLE)]
+    some = edges[sample(len(edges))]
     a, b = off[some[:, 0]].astype(np.float64), off[some[:, 1]].astype(np.float64)
     limit = OUTLIER * float(np.median(np.abs(a))) + 1e-30
     a, b = np.clip(a, -limit, limit), np.clip(b, -limit, limit)
@@ -127,7 +127,7 @@ def local_sigma(
     side = max(CELL * spacing, float((high - low).max()) / 200, 1e-12)
     shape = ((high - low) / side).astype(np.int64) + 1
     known = values[np.isfinite(values)]
-    ceiling = OUTLIER * max(float(np.median(known[:: max(1, len(known) // SAMPLE)])), least) if len(known) else 0.0
+    ceiling = OUTLIER * max(float(np.median(known[sample(len(known))])), least) if len(known) else 0.0
     cell = np.empty(len(points), np.int64)
     parallel_for(_find_cells, len(points), points, low, 1 / side, shape, cell)
     sums, counts = _sum_cells(cell, values, ceiling, math.prod(shape))

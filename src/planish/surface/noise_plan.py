@@ -11,7 +11,7 @@ from planish.parallel import ParallelFor
 from planish.surface.local_quadrics import SAME_SIDE, SAME_SIDE_OF_STEEP
 from planish.surface.noise import FROM_MEAN, FROM_MEDIAN, local_sigma
 from planish.surface.noise_scale import NoiseScale, noise_scale
-from planish.surface.normals import NOISE, SAMPLE, median_edge
+from planish.surface.normals import NOISE, median_edge, sample
 from planish.surface.smooth_surface import MeasuredScan
 from planish.types import Floats
 
@@ -130,7 +130,7 @@ def plan_for_shared(scan: MeasuredScan, parallel_for: ParallelFor, *, strong: bo
 
 def _mean_step(scan: MeasuredScan) -> float:
     """Mean squared difference of the normals of neighbours, over a sample."""
-    some = scan.edges[:: max(1, len(scan.edges) // SAMPLE)]
+    some = scan.edges[sample(len(scan.edges))]
     step = scan.rows[some[:, 0], :3] - scan.rows[some[:, 1], :3]
     return float(np.einsum("ij,ij->i", step, step).mean())
 

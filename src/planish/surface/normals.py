@@ -26,6 +26,20 @@ SAMPLE = 5_000
 """Edges or points that a median is taken over: its error is then about 1 %."""
 
 
+GOLDEN = (math.sqrt(5) - 1) / 2
+
+
+def sample(count: int) -> NDArray[np.int64]:
+    """Rows of a sample of SAMPLE out of `count`, or all of them.
+
+    Multiples of the golden ratio: equal steps would take only edges of one direction out of a range image, where three
+    follow each other for every pixel, or only one phase of a ripple.
+    """
+    if count <= SAMPLE:
+        return np.arange(count)
+    return (np.arange(SAMPLE) * GOLDEN % 1.0 * count).astype(np.int64)
+
+
 class OneRing(NamedTuple):
     """Neighbours of every point, as compressed rows (see `planish.mesh.neighbours`)."""
 
@@ -40,7 +54,7 @@ def vertex_records(points: Floats, faces: Ints) -> VertexRecords:
 
 def median_edge(rows: VertexRecords, edges: Ints) -> float:
     """Median |N_i - N_j|^2 over a sample of the edges, as it would be everywhere if noise were the same."""
-    some = edges[:: max(1, len(edges) // SAMPLE)]
+    some = edges[sample(len(edges))]
     here, there = rows[some[:, 0]], rows[some[:, 1]]
     step = here[:, :3] - there[:, :3]
     return float(np.median(np.einsum("ij,ij->i", step, step) / here[:, NOISE])) if len(some) else 0.0

@@ -53,10 +53,13 @@ def refit(
     return out
 
 
-def points_at_folds(normals: VertexRecords, ring: OneRing, parallel_for: ParallelFor) -> Ints:
-    """Points with a neighbour whose normal stands at more than 20 degrees to theirs."""
-    at_fold = np.empty(len(normals), np.bool_)
+def points_at_folds(normals: VertexRecords, ring: OneRing, parallel_for: ParallelFor, rings: int = 0) -> Ints:
+    """Points with a neighbour whose normal stands at more than 20 degrees to theirs, and those up to `rings` away."""
+    at_fold, wider = np.empty(len(normals), np.bool_), np.empty(len(normals), np.bool_)
     parallel_for(_find_folds, len(normals), normals, ring, at_fold)
+    for _ in range(rings):
+        parallel_for(_widen, len(normals), ring, at_fold, wider)
+        at_fold, wider = wider, at_fold
     return np.flatnonzero(at_fold).astype(np.int32)
 
 
@@ -67,6 +70,15 @@ def _find_folds(first, last, normals, ring, at_fold):  # type: ignore[no-untyped
         for q in range(ring.start[i], ring.start[i + 1]):
             if square(minus(row(normals, ring.neighbour[q]), row(normals, i))) > FOLD:
                 at_fold[i] = True
+
+
+@njit(cache=True, nogil=True)
+def _widen(first, last, ring, some, out):  # type: ignore[no-untyped-def]
+    """The neighbours of some points, too."""
+    for i in range(first, last):
+        out[i] = some[i]
+        for q in range(ring.start[i], ring.start[i + 1]):
+            out[i] |= some[ring.neighbour[q]]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

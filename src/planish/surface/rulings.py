@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from planish.geometry.vectors import cross, dot, minus, plus, row, square, times
 from planish.parallel import ParallelFor
 from planish.surface.curvature import ShapeOperators
-from planish.surface.normals import AREA, NOISE, PLACE, SAMPLE, OneRing, VertexRecords, closeness, store
+from planish.surface.normals import AREA, NOISE, PLACE, OneRing, VertexRecords, closeness, sample, store
 
 RulingNeighbours = NDArray[np.int32]
 """(n, 2) points some edges away from every point, one either way along its ruling; itself where there is none."""
@@ -50,7 +50,7 @@ def average_along(
 
 
 def _typical_step(rows: VertexRecords, neighbours: RulingNeighbours) -> float:
-    some = np.arange(0, len(neighbours), max(1, len(neighbours) // SAMPLE))
+    some = sample(len(neighbours))
     some = some[neighbours[some, 0] != some]
     step = rows[some, :3] - rows[neighbours[some, 0], :3]
     return float(np.median(np.einsum("ij,ij->i", step, step) / rows[some, NOISE])) if len(some) else 0.0

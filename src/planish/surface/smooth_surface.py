@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from planish.mesh import Topology, neighbours
 from planish.parallel import ParallelFor
 from planish.surface.creases import assign_crease_sides, normals_at_points, take_side_normals
-from planish.surface.curvature import ShapeOperators, shape_operators
+from planish.surface.curvature import CURVATURE, ShapeOperators, shape_operators
 from planish.surface.noise import ring_noise, robust_sigma, surface_noise
-from planish.surface.normals import SAMPLE, OneRing, VertexRecords, diffuse, median_edge, vertex_records
+from planish.surface.normals import OneRing, VertexRecords, diffuse, median_edge, sample, vertex_records
 from planish.surface.quadric import points_at_folds, refit
 from planish.surface.rulings import average_along
 from planish.types import Floats, Ints
@@ -70,11 +70,15 @@ class Surface(NamedTuple):
     bends : ShapeOperators
     off : (n,) float32 [mm]
         Distance of the points from it.
+    rounding_mm : float
+        By how much smoothing moves the surface where it is bent, rms: half its curvature times the mean square width of
+        the patch that each place is the average of. This is put right by the curvature as it was measured.
     """
 
     normals: NDArray[np.float32]
     bends: ShapeOperators
     off: NDArray[np.float32]
+    rounding_mm: float
 
 
 def measure_scan(
@@ -85,7 +89,7 @@ def measure_scan(
     centred = points - middle
     ring = OneRing(*neighbours(topology.edges, len(points)))
     rows = vertex_records(centred, faces)
-    some = raw[:: max(1, len(raw) // SAMPLE)]
+    some = raw[sample(len(raw))]
     spacing = float(np.median(some)) if len(some) else 0.0
     mean_square = float(raw @ raw) / max(len(raw), 1)
     noise = ring_noise(centred, rows, ring, parallel_for)
@@ -121,4 +125,6 @@ def find_surface(scan: MeasuredScan, rounds: int, parallel_for: ParallelFor, lea
     off = surface_noise(points, rows, bends, patch, parallel_for, source)
     normals = normals_at_points(points, rows, bends, source, parallel_for)
     folds = points_at_folds(normals, ring, parallel_for)
-    return Surface(refit(points, normals, ring, folds, noise, scan.spacing, parallel_for), bends[source], off)
+    normals = refit(points, normals, ring, folds, noise, scan.spacing, parallel_for)
+    rounding = 0.5 * patch * float(np.sqrt(np.mean(bends[:, CURVATURE] ** 2))) if len(bends) else 0.0
+    return Surface(normals, bends[source], off, rounding)

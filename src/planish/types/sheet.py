@@ -269,6 +269,8 @@ class Sticks:
         Standard deviation of the scanner's noise around every point, where it was measured.
     noise_left : float
         Part of it, 0 to 1, that is still in the lengths.
+    bias_mm : float
+        Expected error of the page, rms, from what smoothing takes off the sheet's bends.
     turned : (m,) bool or None
         Faces of the mesh that noise turned over, where that was looked for: by these lengths their back is up.
     normals : (n, 3) float32 or None
@@ -287,6 +289,7 @@ class Sticks:
     edges: int
     noise_mm: Floats | None = None
     noise_left: float = 1.0
+    bias_mm: float = 0.0
     turned: Bools | None = None
     normals: NDArray[np.float32] | None = None
     noise_length_mm: float | None = None
