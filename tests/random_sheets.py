@@ -4,7 +4,7 @@ import numpy as np
 
 import planish
 from planish.errors import InputError
-from planish.gallery import SHEETS, sheet, sheet_mesh
+from planish.gallery import SHEETS, NoiseSpec, sheet, sheet_mesh
 from planish.geometry.distances import distances
 from planish.mesh import LEAST_HEIGHT, relative_heights, repair
 from planish.types import Mesh, Scan
@@ -13,7 +13,7 @@ OUTLINES = (None, None, None, "c", "ring", "comb")
 
 
 def random_sheet(seed: int) -> Mesh:
-    """A bent sheet with some of: noise, holes, cuts, an odd outline, slivers, damage, a second piece."""
+    """A bent sheet with some of: noise of every kind, holes, cuts, an odd outline, slivers, damage, a second piece."""
     rng = np.random.default_rng(seed)
     name = rng.choice([n for n in SHEETS if n != "roll" or rng.random() < 0.3])
     size = sheet(name).width_mm, sheet(name).height_mm
@@ -24,7 +24,7 @@ def random_sheet(seed: int) -> Mesh:
         outline=OUTLINES[rng.integers(len(OUTLINES))],
         holes=int(rng.integers(0, 5)) if rng.random() < 0.4 else 0,
         cuts=[tuple(map(tuple, rng.uniform(0, size, (2, 2)))) for _ in range(rng.integers(0, 3))],
-        noise_mm=float(rng.choice([0, 0, 0.05, 0.2, 1.0])),
+        noise=_random_noise(np.random.default_rng([seed, 1]), white_mm=float(rng.choice([0, 0, 0.05, 0.2, 1.0]))),
         rng=seed,
     )
     points, faces = np.array(mesh.points), np.array(mesh.faces)
@@ -47,6 +47,22 @@ def random_sheet(seed: int) -> Mesh:
     if rng.random() < 0.1:
         points += rng.normal(0, 1e4, 3)
     return Mesh(points, faces)
+
+
+def _random_noise(rng: np.random.Generator, white_mm: float) -> NoiseSpec:
+    """White noise alone for half of all sheets, mixed with noise of the other kinds for the others."""
+    if rng.random() < 0.5:
+        return NoiseSpec(white_mm=white_mm)
+    return NoiseSpec(
+        white_mm=white_mm,
+        correlated_mm=float(rng.choice([0, 0, 0.1, 0.5])),
+        correlation_px=float(rng.uniform(1, 10)),
+        ripple_mm=float(rng.choice([0, 0, 0.12, 0.5])),
+        ripple_px=float(rng.uniform(4, 12)),
+        ripple_deg=float(rng.uniform(0, 90)),
+        step_mm=float(rng.choice([0, 0, 0.2, 1.0])),
+        spikes=float(rng.choice([0, 0, 0.002, 0.02])),
+    )
 
 
 def check(seed: int) -> str:

@@ -234,3 +234,36 @@ def test_lone_missing_pixels_and_pairs_are_filled_and_larger_gaps_stay():
     assert (99, 80) not in there
     filled = acquired.scan.mesh.points[acquired.scan.photo_xy.astype(int).tolist().index([30, 20])]
     assert filled[2] == pytest.approx(500.0 + 0.05 * 30, abs=1e-6)
+
+
+def codes(acquired):
+    return {warning.code for warning in acquired.warnings}
+
+
+@pytest.mark.slow
+def test_the_noise_is_told_and_one_frame_has_too_much(book):
+    """1 mm of noise along the rays and whole millimetres, 1.8 mm between points; thirty frames have 0.18 mm."""
+    _, capture = book
+    one, all_of_them = (
+        from_depth(capture.frames[:count], capture.camera, capture.photo, capture.photo_camera) for count in (1, 30)
+    )
+    assert 0.7 < one.noise_mm < 1.4
+    assert 0.3 < one.noise_length_mm < 2.0
+    assert "scan-noisy" in codes(one)
+    assert "several frames" in next(w.hint for w in one.warnings if w.code == "scan-noisy")
+    assert all_of_them.noise_length_mm > 0.3
+    assert "scan-noisy" not in codes(all_of_them)
+
+
+@pytest.mark.slow
+def test_the_command_says_the_height_and_the_length_of_the_noise(book, monkeypatch, capsys):
+    from planish.cli.acquire.common import print_scan_summary
+
+    _, capture = book
+    one = from_depth(capture.frames[:1], capture.camera, capture.photo, capture.photo_camera)
+    monkeypatch.setattr("sys.stdout.isatty", lambda: True)
+    print_scan_summary(one, [], [], quiet=False)
+    out, err = capsys.readouterr()
+    assert f"noise {one.noise_mm:.3f} mm, alike over {one.noise_length_mm:.2g} mm" in out
+    assert "the scan is noisy" in err
+    assert "bring the camera nearer" in err

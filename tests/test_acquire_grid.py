@@ -372,3 +372,16 @@ def test_a_photo_with_its_camera_is_drawn_instead_of_the_points_colours(bowl, tm
     np.testing.assert_allclose(scan.photo_xy, project(CAMERA, scan.mesh.points), atol=1e-3)  # float32
     assert run([*command, *camera]) == 2
     assert "give the photo with --photo" in capfd.readouterr().err
+
+
+@pytest.mark.parametrize(("sigma", "told"), [(0.0, False), (0.1, False), (0.5, True)])
+def test_the_noise_is_told_and_too_much_of_it_reported(sigma, told):
+    x, y = np.meshgrid(np.arange(120.0) - 60, np.arange(90.0) - 45)
+    z = 400 + 10 * np.sin(x / 20) + sigma * np.random.default_rng(0).standard_normal(x.shape)
+    acquired = from_grid(np.stack([x * z / 400, y * z / 400, z], axis=-1), None)
+    if sigma:
+        assert abs(acquired.noise_mm / sigma - 1) < 0.15
+        assert 0.3 < acquired.noise_length_mm < 1.0  # white: half a pixel
+    else:
+        assert acquired.noise_length_mm is None
+    assert ("scan-noisy" in {warning.code for warning in acquired.warnings}) == told

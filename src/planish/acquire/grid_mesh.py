@@ -29,14 +29,17 @@ class AcquiredScan:
     confidence : (n,) float64
         Confidence of every point, 0 to 1.
     noise_mm : float
-        Typical standard deviation of points along the camera's rays.
+        Typical standard deviation of the points, across the surface.
     warnings : tuple of Diagnostic
+    noise_length_mm : float or None
+        Distance over which the noise of two points is alike (their correlation is a half), where it was measured.
     """
 
     scan: Scan
     confidence: Floats
     noise_mm: float
     warnings: tuple[Diagnostic, ...] = ()
+    noise_length_mm: float | None = None
 
     __repr__ = one_line
 

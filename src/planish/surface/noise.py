@@ -101,8 +101,12 @@ def noise_length(off: NDArray[np.float32], edges: Ints, spacing: float) -> float
     a, b = off[some[:, 0]].astype(np.float64), off[some[:, 1]].astype(np.float64)
     limit = OUTLIER * float(np.median(np.abs(a))) + 1e-30
     a, b = np.clip(a, -limit, limit), np.clip(b, -limit, limit)
-    alike = float(np.clip((a * b).sum() / max(0.5 * (a * a + b * b).sum(), 1e-300), *LEAST_AND_MOST_ALIKE))
-    return spacing * math.sqrt(math.log(2) / -math.log(alike))
+    return length_of((a * b).sum() / max(0.5 * (a * a + b * b).sum(), 1e-300), spacing)
+
+
+def length_of(alike: float, spacing: float) -> float:
+    """Distance at which a correlation falls to a half that is `alike` at one spacing, if it falls like a Gaussian."""
+    return spacing * math.sqrt(math.log(2) / -math.log(float(np.clip(alike, *LEAST_AND_MOST_ALIKE))))
 
 
 def local_sigma(

@@ -13,12 +13,15 @@ from numpy.typing import NDArray
 from planish.acquire.grid_mesh import NOISE_STEPS, STEEPEST, AcquiredScan, grid_mesh
 from planish.acquire.range_image.ray_check import depth_direction_warnings
 from planish.acquire.range_image.steps import depth_step, step_warnings, with_rounding
+from planish.acquire.scan_quality import with_noise
 from planish.document.sheet_outline import sheet_mask
 from planish.errors import InputError
 from planish.geometry import project
 from planish.geometry.triangulation import rays
 from planish.parallel import thread_pool
 from planish.types import Bools, Camera, Floats, Pixels, Scan
+
+REMEDY = "give {} frames of the same still scene, or bring the camera nearer"
 
 OUTLIER = 3.5
 """Outlier threshold of frames against the median, in standard deviations."""
@@ -82,7 +85,8 @@ def from_depth(
     mesh, pixel_xy = grid_mesh(points, camera, noise_mm=noise_mm)
     column, row = pixel_xy.astype(int).T
     scan = Scan(mesh, photo, project(seen_from, mesh.points), seen_from)
-    return AcquiredScan(scan, agreement[row, column], noise_mm, tuple(warnings))
+    acquired = AcquiredScan(scan, agreement[row, column], noise_mm, tuple(warnings))
+    return with_noise(acquired, REMEDY.format("more" if len(frames) > 1 else "several"))
 
 
 def along_axis(distance: Floats, camera: Camera) -> Floats:

@@ -8,6 +8,7 @@ from scipy import ndimage
 from planish.acquire.grid_mesh import NOISE_STEPS, STEEPEST, AcquiredScan, mesh_from_grid
 from planish.acquire.range_image.depth import check_photo_size, flying_pixels, inside_mask, pixel_noise
 from planish.acquire.range_image.steps import depth_step, step_warnings, with_rounding
+from planish.acquire.scan_quality import with_noise
 from planish.document.sheet_outline import sheet_mask
 from planish.errors import InputError
 from planish.geometry import project
@@ -99,7 +100,8 @@ def from_grid(
     col, row = at.astype(int).T
     neighbours = ndimage.uniform_filter(keep.astype(np.float64), 3, mode="constant")
     scan = Scan(mesh, photo, xy[row, col], photo_camera)
-    return AcquiredScan(scan, np.clip(neighbours[row, col], 0, 1), noise * distance, tuple(warnings))
+    acquired = AcquiredScan(scan, np.clip(neighbours[row, col], 0, 1), noise * distance, tuple(warnings))
+    return with_noise(acquired, "average several scans of the same still sheet, or scan it from nearer")
 
 
 def grid_photo(points: Floats, colours: Pixels) -> Pixels:

@@ -8,6 +8,7 @@ import numpy as np
 
 from planish.acquire.grid_mesh import AcquiredScan, grid_mesh
 from planish.acquire.range_image.depth import pixel_noise
+from planish.acquire.scan_quality import with_noise
 from planish.acquire.structured_light.frames import check_frames, unresolved_bits
 from planish.acquire.structured_light.gray_code import Grey, decode, frame_count
 from planish.acquire.structured_light.phase import decode_phase, phase_steps
@@ -20,6 +21,9 @@ from planish.types import Bools, Camera, Diagnostic, Floats, Pixels, Scan
 
 SAMPLED_SIDE = 50
 """Approximate rows and columns of the pixels sampled for the consistency check."""
+
+SHOW_WAVES = "show waves as well (patterns with {phase_steps=8}), focus, or give more light"
+MORE_WAVES = "show more waves (patterns with a larger {phase_steps}), focus, or give more light"
 
 MAX_EXTRA_ERROR_PX = 3.0
 """Points whose epipolar error exceeds the median by more are rejected [code px]."""
@@ -96,7 +100,9 @@ def from_gray_code(
     mesh, pixel_xy = grid_mesh(points, camera, noise_mm=noise_mm)
     column, row = pixel_xy.astype(int).T
     scan = Scan(mesh, photo, pixel_xy, camera)
-    return AcquiredScan(scan, correspondence.confidence[row, column], noise_mm, tuple(warnings))
+    acquired = AcquiredScan(scan, correspondence.confidence[row, column], noise_mm, tuple(warnings))
+    steps = phase_steps(len(frames), code_projector.shape_rc)
+    return with_noise(acquired, MORE_WAVES if steps else SHOW_WAVES)
 
 
 def find_correspondence(frames: Grey, shape_rc: tuple[int, int], where: Bools | None = None) -> Correspondence:

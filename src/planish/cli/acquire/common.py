@@ -150,6 +150,7 @@ def print_scan_summary(acquired: AcquiredScan, warnings: list[Diagnostic], writt
         errors.print(f"planish: note: {warning.message(as_flag)}")
     if sys.stdout.isatty():
         mesh = acquired.scan.mesh
-        print(f"{len(mesh.points):,} points, {len(mesh.faces):,} faces, noise {acquired.noise_mm:.3f} mm")
+        length = "" if acquired.noise_length_mm is None else f", alike over {acquired.noise_length_mm:.2g} mm"
+        print(f"{len(mesh.points):,} points, {len(mesh.faces):,} faces, noise {acquired.noise_mm:.3f} mm{length}")
         for path in written:
             print(f"written  {path}")
