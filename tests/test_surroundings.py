@@ -30,14 +30,36 @@ QUICK = RestoreSettings(
 )
 
 
-def seen(name, table=70.0, with_table=True, camera=CAMERA):
-    """A range image of a sheet of blank paper on its table, and a photo by the same camera."""
+SKIN = (200, 150, 130)
+
+
+def seen(name, table=70.0, with_table=True, camera=CAMERA, finger=None):
+    """A range image of a sheet of blank paper on its table, and a photo by the same camera; a finger of some colour."""
     shown = render_view(sheet(name), camera)
-    paper = np.isfinite(shown.page_xy[..., 0])
-    levels = np.where(paper, 215.0, table) + np.random.default_rng(1).normal(0, 4, paper.shape)
-    photo = np.repeat(np.clip(levels, 0, 255).astype(np.uint8)[..., None], 3, axis=2)
-    mesh, photo_xy = grid_mesh(np.where(with_table | paper[..., None], shown.points, np.nan), camera)
+    points, paper = shown.points.copy(), np.isfinite(shown.page_xy[..., 0])
+    levels = np.where(paper, 215.0, table)[..., None] * np.ones(3)
+    if finger is not None:
+        held = raise_finger(points, paper)
+        levels[held], paper = finger, paper & ~held
+    levels += np.random.default_rng(1).normal(0, 4, paper.shape)[..., None]
+    mesh, photo_xy = grid_mesh(np.where(with_table | paper[..., None], points, np.nan), camera)
+    photo = np.clip(levels, 0, 255).astype(np.uint8)
     return Scan(mesh, photo, photo_xy, camera), paper[tuple(photo_xy.astype(int).T[::-1])]
+
+
+def raise_finger(points, paper):
+    """Raise points to a finger 24 mm wide that comes from the left and reaches 20 mm over the sheet; its pixels."""
+    x, y = points[..., 0], points[..., 1]
+    rows, cols = np.nonzero(paper)
+    left = x[int(np.median(rows)), cols.min() + 3] + 20
+    across = np.abs(y - np.median(y[paper])) / 12
+    held = (across < 1) & (x < left)
+    top = points[paper, 2].max() if np.ptp(points[paper, 2]) < 5 else np.median(points[held & paper, 2])
+    height = top + 14 * np.sqrt(np.clip(1 - across**2, 0, 1)) - points[..., 2]
+    eye = np.array([0, -60, 620.0])
+    towards = eye - points[held]
+    points[held] += towards / towards[:, 2:] * height[held][:, None]
+    return held
 
 
 @pytest.mark.parametrize("name", ["book", "letter", "wave"])
@@ -84,13 +106,34 @@ def test_a_flat_sheet_in_the_plane_of_a_dark_frame_is_kept_and_told():
     assert warning.code == "surroundings-doubtful"
 
 
-def test_a_hand_that_holds_the_sheet_is_told_before_anything_else():
-    scan, _ = seen("spread")
-    photo = scan.photo.copy()
-    rows, cols = np.nonzero(photo[..., 0] > 150)
-    middle = int(rows.mean())
-    photo[middle - 8 : middle + 8, : cols.min() + 15] = 190  # as bright as skin, 25 mm wide, up to the border
-    codes = [w.code for w in leave_out_surroundings(replace(scan, photo=photo))[1]]
+@pytest.mark.parametrize("name", ["flat", "letter", "spread", "book"])
+def test_a_finger_that_holds_the_sheet_is_left_out(name):
+    scan, paper = seen(name, finger=SKIN)
+    if name == "flat":  # a flat sheet in the plane of its table is kept whole, so it is held 5 mm above it
+        lifted = scan.mesh.points + np.where(paper, 5, 0)[:, None] * [0, 0, 1]
+        scan = replace(scan, mesh=planish.Mesh(lifted, scan.mesh.faces))
+    alone, warnings = leave_out_surroundings(scan)
+    assert [w.code for w in warnings] == ["surroundings-left-out", "hand-left-out"]
+    used = np.unique(alone.mesh.faces)
+    moved = (alone.mesh.points != scan.mesh.points).any(axis=1)
+    assert (paper | moved)[used].mean() > 0.998
+    assert paper[used].sum() > 0.97 * paper.sum()
+
+
+@pytest.mark.parametrize("name", ["letter", "spread", "book"])
+def test_a_coloured_picture_at_the_rim_is_no_hand(name):
+    scan, paper = seen(name)
+    photo, (column, row) = scan.photo.copy(), scan.photo_xy[paper].astype(int).T
+    printed = (column < np.quantile(column, 0.2)) & (np.abs(row - np.median(row)) < 12)
+    photo[row[printed], column[printed]] = SKIN
+    alone, warnings = leave_out_surroundings(replace(scan, photo=photo))
+    assert [w.code for w in warnings] == ["surroundings-left-out"]
+    assert paper[np.unique(alone.mesh.faces)].sum() > 0.98 * paper.sum()
+
+
+def test_a_hand_as_white_as_the_paper_is_told_before_anything_else():
+    scan, _ = seen("spread", finger=(205, 205, 205))
+    codes = [w.code for w in leave_out_surroundings(scan)[1]]
     assert codes == ["surroundings-doubtful", "surroundings-left-out"]
 
 
@@ -192,15 +235,44 @@ def test_flatten_and_restore_take_a_mask_and_leave_out_the_table(tmp_path):
     assert run(wrong) == 3
 
 
-def test_of_two_sheets_the_larger_is_taken_and_that_is_said():
-    scan, paper = seen("wave")
+def beside_another(name="wave"):
+    """A sheet, and 10 mm to its right a bent strip of another; which points are its own."""
+    scan, paper = seen(name)
     photo = scan.photo.copy()
     right = scan.photo_xy[paper, 0].max()
-    photo[60:160, int(right) + 6 : int(right) + 40] = 215  # 10 mm beside it
-    alone, (warning,) = leave_out_surroundings(replace(scan, photo=photo))
+    first, last = int(right) + 6, int(right) + 40
+    photo[60:160, first:last] = 215
+    column, row = scan.photo_xy.T
+    other = (column >= first) & (column < last) & (row >= 60) & (row < 160)
+    lifted = scan.mesh.points + np.where(other, 3 * np.sin((column - first) / 11) ** 2, 0)[:, None] * [0, 0, 1]
+    return replace(scan, photo=photo, mesh=planish.Mesh(lifted, scan.mesh.faces)), paper, other
+
+
+def test_of_two_sheets_the_larger_is_taken_and_that_is_said_first():
+    scan, paper, other = beside_another()
+    alone, warnings = leave_out_surroundings(scan)
     used = np.unique(alone.mesh.faces)
-    assert scan.photo_xy[used, 0].max() < right + 2
-    assert "the largest of 2 sheets" in warning.sentence
+    assert not other[used].any()
+    assert paper[used].sum() > 0.98 * paper.sum()
+    assert [w.code for w in warnings] == ["sheets-several", "surroundings-left-out"]
+    assert warnings[0].sentence == "the scan shows 2 sheets; the page is the largest of them"
+    assert warnings[0].hint == "give {sheet} as an image that is white on another of them to get that"
+
+
+def test_a_mask_takes_the_other_of_two_sheets():
+    scan, _, other = beside_another()
+    column, row = scan.photo_xy[other].astype(int).T
+    mask = np.zeros(scan.photo.shape[:2], bool)
+    mask[row, column] = True
+    used = prepare(replace(scan, sheet=mask)).scan.photo_xy
+    assert used.min(axis=0) == pytest.approx(scan.photo_xy[other].min(axis=0), abs=1)
+    assert used.max(axis=0) == pytest.approx(scan.photo_xy[other].max(axis=0), abs=1)
+
+
+def test_where_a_mask_is_refused_none_is_asked_for():
+    scan, _, _ = beside_another()
+    hint = leave_out_surroundings(as_textures(scan))[1][0].hint
+    assert hint == "cut the mesh to another of them in another program to get that"
 
 
 def without_photo(scan):

@@ -18,10 +18,12 @@ NEIGHBOURS = 12
 noise of 0.3 mm makes the rim ragged by as much; with twice as many it is straight where the paper curls."""
 
 SURE_PX = 1.0
-"""Points nearer to the outline than this may be mixtures of paper and table, and nothing is extrapolated from them."""
+"""Points nearer to the outline than this, or than a usual edge, may be mixtures of paper and table, or lie on the table
+where outline and points do not agree to a pixel: nothing is extrapolated from them, and those that are off the
+continuation of the sheet by more than an edge are moved onto it."""
 
 HANGING = 1.5
-"""Edges longer than this, in usual edges of the sheet, hang between sheet and table. Those of a grid have up to 1.4."""
+"""Edges that are longer than this in the view, in usual ones, hang between sheet and table. Grids have up to 1.4."""
 
 LONG_PX = 1600
 """Long side of the mask on which distances to the outline are measured."""
@@ -51,19 +53,21 @@ def cut_to_outline(scan: Scan, mask: Bools, places: Floats) -> tuple[Scan, Bools
         Faces of the source that are not in it.
     """
     depth = _depth_at(mask, places)
-    faces = scan.mesh.faces
+    faces, points, photo_xy = scan.mesh.faces, scan.mesh.points, scan.photo_xy
     inside = at_places(mask, places) & (depth > 0)
+    sure = inside & (depth >= max(SURE_PX, _typical_length(places, faces, inside)))
+    if sure.any():
+        inside &= _reached(sure, faces)
     kept = inside[faces].any(axis=1)
     kept &= np.isfinite(scan.mesh.points[faces]).all(axis=(1, 2)) & np.isfinite(places[faces]).all(axis=(1, 2))
     ends = faces[kept][:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     ends = np.concatenate([ends, ends[:, ::-1]])
     ends = ends[inside[ends[:, 0]] & ~inside[ends[:, 1]]]
-    points, photo_xy = scan.mesh.points, scan.photo_xy
     if len(ends) and inside.any():
-        edges = _Edges(points, depth, _typical_length(points, faces, inside))
-        outer, at = _crossings(ends, edges, places)
-        points = points.copy()
-        points[outer] = _continued(points, places, inside & (depth >= SURE_PX), inside, at)
+        points = _onto_sheet(points, places, faces, sure, inside)
+        edges = _Edges(places, depth, _typical_length(places, faces, inside))
+        outer, at = _crossings(ends, edges)
+        points[outer] = _continued(points, places, sure, inside, at)
         if photo_xy is not None:
             photo_xy = _moved_places(photo_xy, faces, inside, edges)
     cut = replace(
@@ -102,22 +106,46 @@ def _depth_at(mask: Bools, places: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class _Edges:
-    """What tells where an edge crosses the outline: points, their distances inside of it, and the usual length."""
+    """What tells where an edge crosses the outline: places, distances inside of it, and the usual length of edges."""
 
-    points: Floats
+    places: Floats
     depth: Floats
-    typical_mm: float
+    typical_px: float
 
-    def parts(self, inner: Ints, outer: Ints) -> Floats:
-        """(k, 1) parts of edges that lie on the sheet.
-
-        Of a long edge, which hangs from the raised rim of the sheet down to the table, no more than half a usual one: a
-        picture from above shows its colours spread over all of its length.
-        """
+    def crossing(self, inner: Ints, outer: Ints) -> Floats:
+        """(k, 1) parts of edges, in space and on their images, up to the outline."""
         part = self.depth[inner] / np.maximum(self.depth[inner] - self.depth[outer], 1e-9)
-        length = np.linalg.norm(self.points[outer] - self.points[inner], axis=1)
-        most = np.where(length > HANGING * self.typical_mm, 0.5 * self.typical_mm / np.maximum(length, 1e-9), 1.0)
-        return np.asarray(np.clip(part, 0, most)[:, None])
+        return np.asarray(np.clip(part, 0, 1)[:, None])
+
+    def on_sheet(self, inner: Ints, outer: Ints) -> Floats:
+        """(k, 1) parts of edges, as places of the view, over which the sheet goes on.
+
+        An edge that hangs from the raised rim of the sheet down to the table is one pixel of the scanner, but seen from
+        elsewhere it is long: of it counts what a usual edge would have.
+        """
+        length = np.linalg.norm(self.places[outer] - self.places[inner], axis=1)
+        usual = np.where(length > HANGING * self.typical_px, self.typical_px / np.maximum(length, 1e-9), 1.0)
+        return self.crossing(inner, outer) * usual[:, None]
+
+
+def _reached(sure: Bools, faces: Ints) -> Bools:
+    """(n,) points at most two faces from a sure one: others beside the outline hang on the table."""
+    reached = sure.copy()
+    for _ in range(2):
+        reached[faces[reached[faces].any(axis=1)]] = True
+    return reached
+
+
+def _onto_sheet(points: Floats, places: Floats, faces: Ints, sure: Bools, inside: Bools) -> Floats:
+    """The points, those beside the outline that lie off the continuation of the sheet moved onto it."""
+    points = points.copy()
+    rim = np.flatnonzero(inside & ~sure & np.isfinite(points).all(axis=1))
+    if not len(rim) or not sure.any():
+        return points
+    sheet = _continued(points, places, sure, inside, places[rim])
+    off = np.linalg.norm(points[rim] - sheet, axis=1) > _typical_length(points, faces, sure)
+    points[rim[off]] = sheet[off]
+    return points
 
 
 def _typical_length(points: Floats, faces: Ints, inside: Bools) -> float:
@@ -126,10 +154,11 @@ def _typical_length(points: Floats, faces: Ints, inside: Bools) -> float:
     return float(np.median(np.linalg.norm(np.diff(points[ends], axis=1)[:, 0], axis=1))) if len(ends) else np.inf
 
 
-def _crossings(ends: Ints, edges: _Edges, places: Floats) -> tuple[Ints, Floats]:
+def _crossings(ends: Ints, edges: _Edges) -> tuple[Ints, Floats]:
     """Where edges from inside to outside cross the outline: the outer points, and for each the mean place."""
     inner, outer = ends.T
-    crossing = places[inner] + edges.parts(inner, outer) * (places[outer] - places[inner])
+    places = edges.places
+    crossing = places[inner] + edges.on_sheet(inner, outer) * (places[outer] - places[inner])
     rows, number, count = np.unique(outer, return_inverse=True, return_counts=True)
     at = np.stack([np.bincount(number, crossing[:, k]) / count for k in (0, 1)], axis=1)
     return rows.astype(np.int32), at
@@ -161,7 +190,7 @@ def _moved_places(photo_xy: Floats, faces: Ints, inside: Bools, edges: _Edges) -
         towards, weight = np.zeros((len(faces), 2)), np.zeros(len(faces))
         for b in ((a + 1) % 3, (a + 2) % 3):
             use = crossing & inside[faces[:, b]] & ~inside[faces[:, a]]
-            part = edges.parts(faces[use, b], faces[use, a])
+            part = edges.crossing(faces[use, b], faces[use, a])
             towards[use] += corners[use, b] + part * (corners[use, a] - corners[use, b])
             weight[use] += 1
         use = weight > 0

@@ -127,10 +127,15 @@ def sticking_out(mask: Bools) -> float:
     """
     scale = min(1.0, MASK_PX / max(mask.shape))
     small = cv2.resize(np.pad(mask, 1).astype(np.uint8), None, fx=scale, fy=scale, interpolation=cv2.INTER_NEAREST)
-    area = int(small.sum())
-    body = cv2.morphologyEx(np.pad(small, 1), cv2.MORPH_OPEN, _disc(2 * round(0.5 * NARROW * area**0.5) + 1))
-    stats = cv2.connectedComponentsWithStats(np.pad(small, 1) - body)[2]
-    return float(stats[1:, cv2.CC_STAT_AREA].max(initial=0) / max(area, 1))
+    stats = cv2.connectedComponentsWithStats(((small > 0) & ~body(small > 0)).astype(np.uint8))[2]
+    return float(stats[1:, cv2.CC_STAT_AREA].max(initial=0) / max(int(small.sum()), 1))
+
+
+def body(mask: Bools) -> Bools:
+    """A region without what is narrower than a quarter of it: opened by a disc."""
+    padded = np.pad(mask, 1).astype(np.uint8)
+    opened = cv2.morphologyEx(padded, cv2.MORPH_OPEN, _disc(2 * round(0.5 * NARROW * float(mask.sum()) ** 0.5) + 1))
+    return np.asarray(opened[1:-1, 1:-1] > 0)
 
 
 def _disc(side: int) -> np.ndarray:

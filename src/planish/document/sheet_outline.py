@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planish.color import to_uint8
+from planish.document.refine_outline import refine_outline
 from planish.document.rim import at_places, rim_drops, share_around, with_margin
 from planish.errors import InputError
 from planish.types import Bools, Diagnostic, Floats, Pixels
@@ -186,9 +187,9 @@ def find_sheet(photo: Pixels, *, whole: bool = False, contrast: float = MIN_CONT
         return None
     if np.median(bright[inside]) < contrast * max(float(np.median(bright[~inside])), 1.0):
         return None
-    mask = cv2.resize(inside.astype(np.uint8) * 255, (cols, rows), interpolation=cv2.INTER_LINEAR)
     if whole:
-        return np.asarray(mask > 127)
+        return _largest(refine_outline(to_uint8(photo).max(axis=2), inside, bright))
+    mask = cv2.resize(inside.astype(np.uint8) * 255, (cols, rows), interpolation=cv2.INTER_LINEAR)
     border = 1 + 2 * int(np.ceil(0.5 / scale))  # half a small pixel is how far the outline may be off
     return np.asarray(cv2.erode(mask, np.ones((border, border), np.uint8)) > 127)
 
@@ -208,11 +209,27 @@ def _bright_region(photo: Pixels) -> tuple[NDArray[np.uint8], Bools, float]:
     return (bright, inside, scale) if several is None else (narrow, several, scale)
 
 
-def count_sheets(photo: Pixels) -> int:
-    """How many bright regions a photo has that are no smaller than a tenth of the largest."""
-    bright, inside, _ = _bright_region(photo)
-    above = float(np.quantile(_log_levels(bright)[inside], 0.02)) if inside.any() else 255.0
-    _, _, stats, _ = cv2.connectedComponentsWithStats((_log_levels(bright) >= above).astype(np.uint8))
+def count_sheets(photo: Pixels, mask: Bools, left_out: Bools) -> int:
+    """How many regions of a photo are as bright as the sheet and no smaller than a tenth of it.
+
+    Parameters
+    ----------
+    photo : (rows, cols, 3) uint8 or uint16
+    mask : (rows, cols) bool
+        Of the sheet.
+    left_out : (rows, cols) bool
+        What is as bright, but no sheet.
+    """
+    bright, _, _ = _bright_region(photo)
+    sheet, other = (
+        cv2.resize(m.astype(np.uint8) * 255, bright.shape[::-1], interpolation=cv2.INTER_AREA) > 127
+        for m in (mask, left_out)
+    )
+    if not sheet.any():
+        return 0
+    levels = _log_levels(bright)
+    as_bright = (levels >= np.quantile(levels[sheet], 0.02)) & ~other
+    _, _, stats, _ = cv2.connectedComponentsWithStats(as_bright.astype(np.uint8))
     areas = stats[1:, cv2.CC_STAT_AREA]
     return int((areas > MIN_SECOND * areas.max()).sum()) if len(areas) else 0
 

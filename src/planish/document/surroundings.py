@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from planish.document.cut import cut_to_outline, left_out_share
+from planish.document.hands import without_hands
 from planish.document.raised import raised_sheet
 from planish.document.rim import at_places, share_around, sticking_out, with_margin
 from planish.document.sheet_outline import MAYBE_CONTRAST, count_sheets, ends_in_an_edge, find_sheet, is_even
@@ -109,15 +110,20 @@ def _by_colour(scan: Scan) -> tuple[Scan, list[Diagnostic]]:
         which = "hardly darker than it" if faint else "with shade or other things on it"
         which = which if apart else "in the same plane"
         sentence = f"{100 * share:.0f} % of the scan may be ground around the sheet, {which}; all of it was kept"
-        hint = "give {sheet} as an image that is white on the sheet if that is so"
+        hint = _by_mask(scan, "the sheet", "if that is so")
         return scan, [Diagnostic("surroundings-doubtful", sentence, hint)]
-    cut = cut_to_outline(scan, mask, places)[0]
-    notes = [_left_out(scan, cut, count_sheets(shown.pixels), cut_off=around < ALL_AROUND)]
-    held = sticking_out(mask)
-    if held > MAX_STICKING_OUT:
-        sentence = f"{100 * held:.0f} % of the sheet stick out of it, as a hand would; the page may be too large"
-        notes.insert(0, Diagnostic("surroundings-doubtful", sentence, "give {sheet} as an image without the hand"))
-    return cut, notes
+    alone, hand = without_hands(shown.pixels, mask, places, scan.mesh)
+    if hand:
+        near = with_margin(alone)
+        around = share_around(near, places[~at_places(near, places, scale)], scale)
+    cut = cut_to_outline(scan, alone, places)[0]
+    notes = [_left_out(scan, cut, cut_off=around < ALL_AROUND)]
+    sheets = count_sheets(shown.pixels, alone, mask & ~alone)
+    if sheets > 1:
+        sentence = f"the scan shows {sheets} sheets; the page is the largest of them"
+        notes.insert(0, Diagnostic("sheets-several", sentence, _by_mask(scan, "another of them", "to get that")))
+    notes += _held(hand)
+    return cut, _maybe_held(scan, alone) + notes
 
 
 def _by_shape(scan: Scan) -> tuple[Scan, list[Diagnostic]]:
@@ -126,16 +132,46 @@ def _by_shape(scan: Scan) -> tuple[Scan, list[Diagnostic]]:
     if found is None:
         return scan, []
     view, mask, plain = found
-    cut, left_out = cut_to_outline(scan, mask, view.places)
+    pixels = picture(scan, view)
+    alone, hand = (mask, 0.0) if pixels is None else without_hands(pixels, mask, view.places, scan.mesh)
+    cut, left_out = cut_to_outline(scan, alone, view.places)
     if plain:
-        return cut, [_left_out(scan, cut, by_shape=True)]
+        return cut, [*_maybe_held(scan, alone), _left_out(scan, cut, by_shape=True), *_held(hand)]
     share = left_out_share(scan.mesh, left_out)
     sentence = f"{100 * share:.0f} % of the scan may be a table, out of which the sheet rises; all of it was kept"
-    by_hand = "give {sheet} as an image that is white on the sheet" if scan.photo is not None else "cut it off the scan"
-    return scan, [Diagnostic("surroundings-doubtful", sentence, f"{by_hand} if that is so")]
+    return scan, [Diagnostic("surroundings-doubtful", sentence, _by_mask(scan, "the sheet", "if that is so"))]
 
 
-def _left_out(scan: Scan, cut: Scan, sheets: int = 1, *, cut_off: bool = False, by_shape: bool = False) -> Diagnostic:
+def _held(share: float) -> list[Diagnostic]:
+    if not share:
+        return []
+    sentence = "something that holds the sheet, as a hand would, was left out with what it hides of it"
+    return [Diagnostic("hand-left-out", sentence, "set {sheet=all} to keep everything")]
+
+
+def _maybe_held(scan: Scan, mask: Bools) -> list[Diagnostic]:
+    share = sticking_out(mask)
+    if share <= MAX_STICKING_OUT:
+        return []
+    sentence = f"{100 * share:.0f} % of the sheet stick out of it, as a hand would; the page may be too large"
+    return [Diagnostic("surroundings-doubtful", sentence, _by_mask(scan, "the sheet without the hand"))]
+
+
+def _by_mask(scan: Scan, wanted: str, why: str = "") -> str:
+    """How a user names the part that is wanted: on the photo, or where there is no single one, in the mesh itself."""
+    if takes_mask(scan):
+        hint = f"give {{sheet}} as an image that is white on {wanted}"
+    else:
+        hint = f"cut the mesh to {wanted} in another program"
+    return f"{hint} {why}".rstrip()
+
+
+def takes_mask(scan: Scan) -> bool:
+    """Whether places on one photo are known, so that a mask tells which faces are the sheet's."""
+    return not scan.textures and (scan.photo_xy is not None or scan.camera is not None)
+
+
+def _left_out(scan: Scan, cut: Scan, *, cut_off: bool = False, by_shape: bool = False) -> Diagnostic:
     before, after = (
         float(np.nansum(np.linalg.norm(area_vectors(one.mesh.points, one.mesh.faces), axis=1))) for one in (scan, cut)
     )
@@ -145,8 +181,6 @@ def _left_out(scan: Scan, cut: Scan, sheets: int = 1, *, cut_off: bool = False, 
         sentence += (
             "; its shape alone tells so, and a part of one sheet that stands up from the rest would look the same"
         )
-    if sheets > 1:
-        sentence += f"; it is the largest of {sheets} sheets"
     if cut_off:
         sentence += "; it reaches the border of the scan, which may cut it off"
     return Diagnostic("surroundings-left-out", sentence, "set {sheet=all} to keep them")
@@ -164,7 +198,7 @@ def cut_to_mask(scan: Scan) -> tuple[Scan, list[Diagnostic]]:
     assert mask is not None
     shape = scan.camera.shape_rc if scan.camera is not None else mask.shape
     shape = shape if scan.photo is None else scan.photo.shape
-    if scan.textures or (scan.camera is None and scan.photo_xy is None):
+    if not takes_mask(scan):
         what = f"{len(scan.textures)} images" if scan.textures else "no photo"
         raise InputError(
             f"the sheet is given as a mask on the photo, but the scan has {what}", "give {photo} and its {camera}"

@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 
 from planish.binarize import binarize
-from planish.geometry.projection import project
+from planish.document.cut_picture import cut_picture
 from planish.geometry.rigid_fit import fit_rigid
 from planish.io import make_folder, write_page
-from planish.mesh import from_file_order, onto_support_plane, rasterize
+from planish.mesh import from_file_order, onto_support_plane
 from planish.report import certificate, contact_sheet, heat_map, relief
 from planish.report.certificate import DPI
-from planish.types import Bools, Floats, Mesh, Page, Pixels, Restoration, Scan
+from planish.types import Bools, Floats, Mesh, Page, Pixels, Restoration
 
 CAPTIONS = {
     "1-warped": "The photo",
@@ -24,7 +24,7 @@ CAPTIONS = {
     "4-mesh-after": "The scan, flattened",
     "6-restored-binary": "The page, black and white",
     "8-strain": "Strain",
-    "0-sheet": "The photo without what was left out",
+    "0-sheet": "The scan without what was left out",
 }
 """Captions of the contact sheet in its order: colour above binary, before left of after, maps last."""
 
@@ -32,8 +32,8 @@ CAPTIONS = {
 def write_stages(folder: Path, restoration: Restoration) -> list[Path]:
     """Write photo, page, both binarized, mesh before and after, quality maps, and a contact sheet of all of them.
 
-    Where surroundings were left out, the photo without them comes along. The images of the photo are omitted for scans
-    with several textures or with colours of points only.
+    Where surroundings were left out, a picture in which they are dark comes along. The images of the photo are omitted
+    for scans with several textures or with colours of points only.
 
     Parameters
     ----------
@@ -53,9 +53,9 @@ def write_stages(folder: Path, restoration: Restoration) -> list[Path]:
     if scan.photo is not None:
         photo = _as_page(scan.photo, photo_dpi)
         warped = {"1-warped": photo.pixels, "2-warped-binary": _binary_image(photo)}
-        kept = _without_surroundings(scan)
-        if kept is not None and any(w.code == "surroundings-left-out" for w in restoration.prepared.warnings):
-            warped["0-sheet"] = kept
+    kept = cut_picture(restoration.prepared)
+    if kept is not None:
+        warped["0-sheet"] = kept
     page = restoration.page
     assert page is not None
     prepared, flat = restoration.prepared, restoration.flattening
@@ -95,18 +95,6 @@ def before_and_after(mesh: Mesh, page_xy: Floats) -> tuple[Floats, Floats]:
     scanned = points - [*points[:, :2].mean(axis=0), 0]
     scanned[:, :2] = scanned[:, :2] @ fit_rigid(scanned[:, :2], page)[0].T
     return scanned, np.c_[page, 0 * page[:, :1]]
-
-
-def _without_surroundings(scan: Scan) -> Pixels | None:
-    """The photo, dark where the scan that was flattened does not lie; None where no place on it is known."""
-    assert scan.photo is not None
-    places = scan.photo_xy
-    if places is None and scan.camera is not None:
-        places = project(scan.camera, scan.mesh.points)
-    if places is None or places.ndim != 2:
-        return None
-    face, _ = rasterize(places, scan.mesh.faces, (scan.photo.shape[0], scan.photo.shape[1]))
-    return np.where((face >= 0)[..., None], scan.photo, scan.photo // 4)
 
 
 def _as_page(pixels: Pixels | Bools, dpi: float) -> Page:

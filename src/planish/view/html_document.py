@@ -19,7 +19,16 @@ from planish.mesh import from_file_order
 from planish.report.heat import coloured
 from planish.types import Restoration
 from planish.view.fall_animation import FallAnimation, simulate_fall
-from planish.view.page_layers import UNKNOWN, Map, Picture, margin_mm, page_pictures, quality_maps, warped_picture
+from planish.view.page_layers import (
+    UNKNOWN,
+    Map,
+    Picture,
+    left_out_picture,
+    margin_mm,
+    page_pictures,
+    quality_maps,
+    warped_picture,
+)
 from planish.view.report_html import animation_caption, headline, report_section
 
 QUANTIZATION_STEPS = 65_534
@@ -56,6 +65,8 @@ def view_page(restoration: Restoration, name: str = "") -> bytes:
     pictures = page_pictures(restoration)
     if pictures:
         pictures.insert(0, warped_picture(restoration, page_xy, animation))
+    left_out = left_out_picture(restoration)
+    pictures += [] if left_out is None else [left_out]
     maps = quality_maps(restoration, page_xy, strain, error)
     # File names may hold bytes that are not valid text.
     return _fill_template(restoration, animation, pictures, maps, name or "A restored page").encode(errors="replace")

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from planish.color import to_uint8
+from planish.document.cut_picture import cut_picture
 from planish.geometry.rigid_fit import fit_similarity
 from planish.mesh import rasterize
-from planish.report.drawing import rgb_uint8
+from planish.report.drawing import fitted, rgb_uint8
 from planish.report.heat import TOP, over_page, round_above, round_span
 from planish.types import Floats, Page, Restoration, Scan
 from planish.view.fall_animation import FallAnimation
@@ -117,6 +118,22 @@ def warped_picture(restoration: Restoration, page_xy: Floats, animation: FallAni
         description = "The scan seen from above; its texture is in patches, not one photo."
     icc = restoration.prepared.scan.icc if pixels.ndim == 3 else None
     return Picture("warped", title, description, *_encode_jpeg(pixels, icc), with_margin=True)
+
+
+def left_out_picture(restoration: Restoration) -> Picture | None:
+    """The whole scan with what was left out of it dark; None where nothing was."""
+    pixels = cut_picture(restoration.prepared)
+    if pixels is None:
+        return None
+    _, _, (width, height) = _frame(restoration.flattening.size_mm)
+    inner = fitted(rgb_uint8(pixels), width, height)
+    rows, cols = inner.shape[:2]
+    framed = np.full((height, width, 3), BACKGROUND, np.uint8)
+    top, left = (height - rows) // 2, (width - cols) // 2
+    framed[top : top + rows, left : left + cols] = inner
+    description = "The whole scan; what is dark was left out, as it does not belong to the sheet."
+    icc = restoration.prepared.source.icc
+    return Picture("left-out", "Left out", description, *_encode_jpeg(framed, icc), with_margin=True)
 
 
 def quality_maps(restoration: Restoration, page_xy: Floats, strain: Floats, error: Floats) -> list[Map]:
