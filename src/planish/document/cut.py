@@ -20,7 +20,7 @@ noise of 0.3 mm makes the rim ragged by as much; with twice as many it is straig
 SURE_PX = 1.0
 """Points nearer to the outline than this, or than a usual edge, may be mixtures of paper and table, or lie on the table
 where outline and points do not agree to a pixel: nothing is extrapolated from them, and those that are off the
-continuation of the sheet by more than an edge are moved onto it."""
+continuation of the sheet by more than a usual edge do not count as the sheet's."""
 
 HANGING = 1.5
 """Edges that are longer than this in the view, in usual ones, hang between sheet and table. Grids have up to 1.4."""
@@ -57,27 +57,33 @@ def cut_to_outline(scan: Scan, mask: Bools, places: Floats) -> tuple[Scan, Bools
     inside = at_places(mask, places) & (depth > 0)
     sure = inside & (depth >= max(SURE_PX, _typical_length(places, faces, inside)))
     if sure.any():
-        inside &= _reached(sure, faces)
+        inside &= _reached(sure, faces) & ~_hanging(points, places, faces, sure, inside)
     kept = inside[faces].any(axis=1)
     kept &= np.isfinite(scan.mesh.points[faces]).all(axis=(1, 2)) & np.isfinite(places[faces]).all(axis=(1, 2))
     ends = faces[kept][:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     ends = np.concatenate([ends, ends[:, ::-1]])
     ends = ends[inside[ends[:, 0]] & ~inside[ends[:, 1]]]
     if len(ends) and inside.any():
-        points = _onto_sheet(points, places, faces, sure, inside)
+        points = points.copy()
         edges = _Edges(places, depth, _typical_length(places, faces, inside))
         outer, at = _crossings(ends, edges)
         points[outer] = _continued(points, places, sure, inside, at)
         if photo_xy is not None:
             photo_xy = _moved_places(photo_xy, faces, inside, edges)
-    cut = replace(
+    moved = replace(scan, mesh=Mesh(points, faces), photo_xy=photo_xy)
+    return with_faces(moved, kept), np.asarray(~kept)
+
+
+def with_faces(scan: Scan, kept: Bools) -> Scan:
+    """A scan with all of its points and some of its faces (m,)."""
+    photo_xy = scan.photo_xy
+    return replace(
         scan,
-        mesh=Mesh(points, faces[kept]),
+        mesh=Mesh(scan.mesh.points, scan.mesh.faces[kept]),
         photo_xy=photo_xy[kept] if photo_xy is not None and photo_xy.ndim == 3 else photo_xy,
         texture_of_face=None if scan.texture_of_face is None else scan.texture_of_face[kept],
         sheet=None,
     )
-    return cut, np.asarray(~kept)
 
 
 def left_out_share(mesh: Mesh, left_out: Bools) -> float:
@@ -113,9 +119,9 @@ class _Edges:
     typical_px: float
 
     def crossing(self, inner: Ints, outer: Ints) -> Floats:
-        """(k, 1) parts of edges, in space and on their images, up to the outline."""
+        """(k, 1) parts of edges, on their images, up to the outline; half of those that it does not cross."""
         part = self.depth[inner] / np.maximum(self.depth[inner] - self.depth[outer], 1e-9)
-        return np.asarray(np.clip(part, 0, 1)[:, None])
+        return np.asarray(np.where(self.depth[outer] > 0, 0.5, np.clip(part, 0, 1))[:, None])
 
     def on_sheet(self, inner: Ints, outer: Ints) -> Floats:
         """(k, 1) parts of edges, as places of the view, over which the sheet goes on.
@@ -136,16 +142,14 @@ def _reached(sure: Bools, faces: Ints) -> Bools:
     return reached
 
 
-def _onto_sheet(points: Floats, places: Floats, faces: Ints, sure: Bools, inside: Bools) -> Floats:
-    """The points, those beside the outline that lie off the continuation of the sheet moved onto it."""
-    points = points.copy()
+def _hanging(points: Floats, places: Floats, faces: Ints, sure: Bools, inside: Bools) -> Bools:
+    """(n,) points beside the outline that lie off the continuation of the sheet: on the table, or between."""
     rim = np.flatnonzero(inside & ~sure & np.isfinite(points).all(axis=1))
-    if not len(rim) or not sure.any():
-        return points
-    sheet = _continued(points, places, sure, inside, places[rim])
-    off = np.linalg.norm(points[rim] - sheet, axis=1) > _typical_length(points, faces, sure)
-    points[rim[off]] = sheet[off]
-    return points
+    hanging = np.zeros(len(points), bool)
+    if len(rim):
+        sheet = _continued(points, places, sure, inside, places[rim])
+        hanging[rim] = np.linalg.norm(points[rim] - sheet, axis=1) > _typical_length(points, faces, sure)
+    return hanging
 
 
 def _typical_length(points: Floats, faces: Ints, inside: Bools) -> float:

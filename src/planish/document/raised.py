@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -45,9 +45,10 @@ MAX_SLENDER = 4.0
 """Greatest length of the sheet in its mean widths. The rim of a longer strip, cut into a sheet and standing up, is
 steep but for its short ends: 0.95 for a tongue seven times as long as wide. Halved, letters are hardly found."""
 
-MAYBE_STEEP = 0.5
-"""From this part of the rim on something may be a sheet on a table, which is told: 0.79 for a crumpled sheet seen from
-aside. Halved, hills in a bare sheet are told too; at 0.8 that crumpled sheet is not."""
+MAYBE_STEEP = 0.25
+"""From this part of the rim on something may be a sheet on a table, which is told: 0.28 for a Miura fold, 0.33 for a
+wave and 0.35 for a spread, which meet their table at gentle slopes on the other sides; hills in a bare sheet have none.
+Halved, nothing changes; doubled, these three are not told."""
 
 GAP_PX = 120
 """Greatest width of a gap that nobody saw, behind a box or a raised rim: 200 mm of a table of 1.3 m."""
@@ -56,29 +57,53 @@ RIM_PX = 4
 """Width of the rim in which these are looked for."""
 
 
-def raised_sheet(scan: Scan) -> tuple[TopView, Bools, bool] | None:
-    """Find the largest thing that stands out of the dominant plane of a scan and is surrounded by it.
+@dataclass(frozen=True, eq=False)
+class Raised:
+    """What stands out of the dominant plane of a scan.
 
-    Parameters
+    Attributes
     ----------
-    scan : Scan
-
-    Returns
-    -------
     view : TopView
         Along the normal of the plane.
     mask : (rows, cols) bool
         In that view.
-    plain : bool
-        Whether it ends in steps all around, as a sheet that touches its table hardly anywhere. Otherwise it may as well
-        be a part of one surface.
-    None where there is no such thing. The plane must be one piece, lie beyond the thing on all sides, and begin beside
-    its rim; gaps count as steps down to it only where they are holes in what was seen: those between the teeth of a
-    comb, which are open to the outside, are not. Of a sheet alone only a part with steps around nearly all of it, as
-    the lid of a box folded from it, would pass for plain.
+    ends_in_steps : bool
+        Whether it ends in steps all around, with the plane beyond them. Otherwise it may as well be a part of one
+        surface.
+    slender : bool
+        Whether it is so long that it may be a strip which hangs on the rest by its short ends.
+    above : (n,) bool
+        Points of the scan above the plane.
+    normal : (3,) float64
+        Of the plane, upwards.
+    tolerance_mm : float
+        Within which points lie in a plane.
+    """
+
+    view: TopView
+    mask: Bools
+    ends_in_steps: bool
+    slender: bool
+    above: Bools
+    normal: Floats
+    tolerance_mm: float
+
+    @property
+    def plain(self) -> bool:
+        """Whether it ends as a sheet that touches its table hardly anywhere."""
+        return self.ends_in_steps and not self.slender
+
+
+def raised_sheet(scan: Scan) -> Raised | None:
+    """Find the largest thing that stands out of the dominant plane of a scan and is surrounded by it.
+
+    The plane must be one piece, lie beyond the thing on all sides, and begin beside its rim; gaps count as steps down
+    to it only where they are holes in what was seen: those between the teeth of a comb, which are open to the outside,
+    are not. Of a sheet alone only a part with steps around nearly all of it, as the lid of a box folded from it, would
+    pass for plain. None where there is no such thing.
     """
     points = np.where(np.isfinite(scan.mesh.points), scan.mesh.points, np.nan)
-    plane = _dominant_plane(points[scan.mesh.faces[:, 0]])
+    plane = dominant_plane(points[scan.mesh.faces[:, 0]], NEAR_PLANE * _extent(points))
     if plane is None:
         return None
     middle, normal, noise = plane
@@ -100,12 +125,20 @@ def raised_sheet(scan: Scan) -> tuple[TopView, Bools, bool] | None:
     if mask is None or mask.sum() < MIN_SHEET * seen.sum() or _share_beyond(ground, mask) < MIN_AROUND:
         return None
     hidden = np.asarray(ndimage.binary_fill_holes(seen)) & ~seen
-    steps = _share_of_steps(mask, ground, hidden | (seen & (upright < STEEP)))
+    steps, beside = _shares_of_rim(mask, ground, hidden | (seen & (upright < STEEP)))
     if steps < MAYBE_STEEP:
         return None
-    plain = steps >= MIN_STEEP and _slenderness(mask) <= MAX_SLENDER
-    below = (points - middle) @ normal < -2 * tolerance  # a floor under the table is not the sheet above it
-    return replace(view, places=np.where(below[:, None], np.nan, view.places)), mask, plain
+    away = (points - middle) @ normal
+    below = away < -2 * tolerance  # a floor under the table is not the sheet above it
+    return Raised(
+        replace(view, places=np.where(below[:, None], np.nan, view.places)),
+        mask,
+        ends_in_steps=steps >= MIN_STEEP and beside >= MIN_BESIDE,
+        slender=_slenderness(mask) > MAX_SLENDER,
+        above=away > 2 * tolerance,
+        normal=normal,
+        tolerance_mm=tolerance,
+    )
 
 
 def _extent(points: Floats) -> float:
@@ -113,13 +146,12 @@ def _extent(points: Floats) -> float:
     return float(np.linalg.norm(np.quantile(finite, 0.99, axis=0) - np.quantile(finite, 0.01, axis=0)))
 
 
-def _dominant_plane(points: Floats) -> tuple[Floats, Floats, float] | None:
-    """The plane with most points near it (RANSAC), fitted to these: a point, its normal, and their scatter."""
+def dominant_plane(points: Floats, near: float) -> tuple[Floats, Floats, float] | None:
+    """The plane with most points near it [mm] (RANSAC), fitted to these: a point, its normal, and their scatter."""
     points = points[np.isfinite(points).all(axis=1)]
     points = points[:: 1 + len(points) // SAMPLE]
     if len(points) < 100:
         return None
-    near = NEAR_PLANE * _extent(points)
     rng = np.random.default_rng(0)
     best, used = 0, np.zeros(len(points), bool)
     for _ in range(TRIES):
@@ -179,13 +211,12 @@ def _slenderness(mask: Bools) -> float:
     return float(length**2 / mask.sum())
 
 
-def _share_of_steps(mask: Bools, ground: Bools, steep: Bools) -> float:
-    """Part of a region's rim that is a step; 0 where the ground is not beside it nearly everywhere."""
+def _shares_of_rim(mask: Bools, ground: Bools, steep: Bools) -> tuple[float, float]:
+    """Parts of a region's rim that are a step, and that have the ground beside them, or behind a gap."""
     kernel = np.ones((2 * RIM_PX + 1, 2 * RIM_PX + 1), np.uint8)
     rim = mask & ~ndimage.binary_erosion(mask)
     near_steep = cv2.dilate(steep.astype(np.uint8), kernel) > 0
     reach: NDArray[np.uint8] = np.ones((2 * GAP_PX + 1, 2 * GAP_PX + 1), np.uint8)
     near_ground = cv2.dilate(ground.astype(np.uint8), kernel) > 0
     behind_gap = near_steep & (cv2.dilate(ground.astype(np.uint8), reach) > 0)
-    beside = float((near_ground | behind_gap)[rim].mean())
-    return float(near_steep[rim].mean()) if beside >= MIN_BESIDE else 0.0
+    return float(near_steep[rim].mean()), float((near_ground | behind_gap)[rim].mean())

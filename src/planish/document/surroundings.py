@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planish.document.cut import cut_to_outline, left_out_share
+from planish.document.box_face import box_face
+from planish.document.cut import cut_to_outline, left_out_share, with_faces
 from planish.document.hands import without_hands
 from planish.document.raised import raised_sheet
 from planish.document.rim import at_places, share_around, sticking_out, with_margin
@@ -128,14 +129,20 @@ def _by_colour(scan: Scan) -> tuple[Scan, list[Diagnostic]]:
 
 def _by_shape(scan: Scan) -> tuple[Scan, list[Diagnostic]]:
     """The scan cut to what stands out of the plane all around it; the scan itself where that is not plain."""
-    found = raised_sheet(scan)
-    if found is None:
+    raised = raised_sheet(scan)
+    if raised is None:
         return scan, []
-    view, mask, plain = found
+    side = box_face(scan.mesh, raised) if raised.ends_in_steps else None
+    if side is not None:
+        cut = with_faces(scan, side)
+        sentence = "the scan shows a box on a table; the page is its largest flat face"
+        told = Diagnostic("box-face", sentence, _by_mask(scan, "another face", "to get that"))
+        return cut, [told, _left_out(scan, cut)]
+    view, mask = raised.view, raised.mask
     pixels = picture(scan, view)
     alone, hand = (mask, 0.0) if pixels is None else without_hands(pixels, mask, view.places, scan.mesh)
     cut, left_out = cut_to_outline(scan, alone, view.places)
-    if plain:
+    if raised.plain:
         return cut, [*_maybe_held(scan, alone), _left_out(scan, cut, by_shape=True), *_held(hand)]
     share = left_out_share(scan.mesh, left_out)
     sentence = f"{100 * share:.0f} % of the scan may be a table, out of which the sheet rises; all of it was kept"
