@@ -32,7 +32,7 @@ def box_face(mesh: Mesh, raised: Raised) -> Bools | None:
     A box shows two or three flat faces, each square to another and square or parallel to the table. Several boxes that
     touch each other may be turned.
     """
-    solid = _largest_part(mesh, raised.above[mesh.faces].all(axis=1))
+    solid = _largest_part(mesh, np.asarray(raised.above[mesh.faces].all(axis=1)))
     area = np.linalg.norm(area_vectors(mesh.points, mesh.faces), axis=1)
     rest, normals, sides = solid, [], []
     for _ in range(MOST_FACES):

@@ -71,7 +71,7 @@ def cut_to_outline(scan: Scan, mask: Bools, places: Floats) -> tuple[Scan, Bools
         if photo_xy is not None:
             photo_xy = _moved_places(photo_xy, faces, inside, edges)
     moved = replace(scan, mesh=Mesh(points, faces), photo_xy=photo_xy)
-    return with_faces(moved, kept), np.asarray(~kept)
+    return with_faces(moved, np.asarray(kept)), np.asarray(~kept)
 
 
 def with_faces(scan: Scan, kept: Bools) -> Scan:
