@@ -128,7 +128,7 @@ def test_a_mask_by_hand_cuts_the_sheet_out():
     mask = np.zeros(SHAPE, bool)
     mask[10:40, 20:60] = True
     scan = from_depth([np.full(SHAPE, 300.0)], CAMERA, PHOTO, mask=mask).scan
-    assert len(scan.mesh.points) == mask.sum()
+    assert np.ptp(scan.photo_xy, axis=0) == pytest.approx([40, 30], abs=0.2)  # to the pixels' outer edges
     said = from_depth([np.full(SHAPE, 300.0)], CAMERA, PHOTO).warnings
     assert "no sheet stands out" in said[0].sentence
 
@@ -190,9 +190,9 @@ def test_the_command_makes_a_scan_that_restore_takes_without_options(book, tmp_p
         == 0
     )
     page = json.loads(report.read_text())["page"]
-    # 1.35 mm a pixel here: the border's pixels saw the table too, and up to two of them on each side are left out
-    assert made.width_mm - 5 < page["width_mm"] < made.width_mm + 1
-    assert made.height_mm - 5 < page["height_mm"] < made.height_mm + 1
+    # 1.35 mm a pixel here: the sheet ends between pixels, at the outline that the photo shows
+    assert page["width_mm"] == pytest.approx(made.width_mm, abs=1.35)
+    assert page["height_mm"] == pytest.approx(made.height_mm, abs=1.35)
 
 
 @pytest.mark.parametrize(("step_mm", "told"), [(1.0, True), (0.1, False)])

@@ -56,7 +56,7 @@ corners of a range image are told too."""
 
 
 def sheet_mask(
-    photo: Pixels, mask: Bools | str | None, places: Floats | None = None
+    photo: Pixels, mask: Bools | str | None, places: Floats | None = None, *, whole: bool = False
 ) -> tuple[Bools | None, list[Diagnostic]]:
     """The mask of the sheet that a user asked for, and warnings.
 
@@ -70,6 +70,8 @@ def sheet_mask(
         auto: as `find_sheet` finds it. None: everywhere.
     places : (k, 2) float64 [px], optional
         Of all that was scanned, on the photo. By default all of the photo was.
+    whole : bool
+        See `find_sheet`.
 
     Raises
     ------
@@ -79,7 +81,7 @@ def sheet_mask(
     if mask is None:
         return None, []
     if isinstance(mask, str):
-        return _trusted(photo, find_sheet(photo), places)
+        return _trusted(photo, find_sheet(photo, whole=whole), places)
     if mask.shape != photo.shape[:2]:
         raise InputError(
             f"the mask is {mask.shape[1]} x {mask.shape[0]} pixels, the photo {photo.shape[1]} x {photo.shape[0]}; "

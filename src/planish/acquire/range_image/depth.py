@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from planish.acquire.grid_mesh import NOISE_STEPS, STEEPEST, AcquiredScan, grid_mesh
 from planish.acquire.range_image.ray_check import depth_direction_warnings
 from planish.acquire.range_image.steps import depth_step, step_warnings, with_rounding
+from planish.acquire.range_image.trim import beside, trim_to_sheet
 from planish.acquire.scan_quality import with_noise
 from planish.document.sheet_outline import sheet_mask
 from planish.errors import InputError
@@ -75,14 +76,17 @@ def from_depth(
     depth = remove_flying_pixels(depth, camera, noise_mm)
     points = back_project(camera, depth)
     seen = points.reshape(-1, 3)
-    sheet, warnings = sheet_mask(photo, mask, project(seen_from, seen[np.isfinite(seen).all(axis=1)]))
+    sheet, warnings = sheet_mask(photo, mask, project(seen_from, seen[np.isfinite(seen).all(axis=1)]), whole=True)
     warnings = [*warnings, *step_warnings(step_mm)]
     if sheet is not None:
         known = np.isfinite(points).all(axis=2)
-        points = apply_mask(points, seen_from, sheet)
-        ground = np.asarray(known & ~np.isfinite(points).all(axis=2))
-        warnings += depth_direction_warnings(depth, camera, ground, depth_along)
+        on_sheet = np.isfinite(apply_mask(points, seen_from, sheet)).all(axis=2)
+        warnings += depth_direction_warnings(depth, camera, np.asarray(known & ~on_sheet), depth_along)
+        points = np.where(beside(np.asarray(on_sheet))[..., None], points, np.nan)
     mesh, pixel_xy = grid_mesh(points, camera, noise_mm=noise_mm)
+    if sheet is not None:
+        mesh, _, used = trim_to_sheet(mesh, project(seen_from, mesh.points), sheet)
+        pixel_xy = pixel_xy[used]
     column, row = pixel_xy.astype(int).T
     scan = Scan(mesh, photo, project(seen_from, mesh.points), seen_from)
     acquired = AcquiredScan(scan, agreement[row, column], noise_mm, tuple(warnings))

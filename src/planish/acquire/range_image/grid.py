@@ -8,6 +8,7 @@ from scipy import ndimage
 from planish.acquire.grid_mesh import NOISE_STEPS, STEEPEST, AcquiredScan, mesh_from_grid
 from planish.acquire.range_image.depth import check_photo_size, flying_pixels, inside_mask, pixel_noise
 from planish.acquire.range_image.steps import depth_step, step_warnings, with_rounding
+from planish.acquire.range_image.trim import beside, trim_to_sheet
 from planish.acquire.scan_quality import with_noise
 from planish.document.sheet_outline import sheet_mask
 from planish.errors import InputError
@@ -91,15 +92,20 @@ def from_grid(
     distance_map = relative[..., -1]
     keep = known & ~flying_pixels(distance_map, [np.full(distance_map.shape, max(STEEPEST / 2 * pitch, 4 * noise))] * 2)
     warnings: list[Diagnostic] = step_warnings(step_mm)
+    sheet = None
     if photo is not None:
-        sheet, more = sheet_mask(photo, mask, xy[keep])
+        sheet, more = sheet_mask(photo, mask, xy[keep], whole=True)
         warnings += more
         if sheet is not None:
-            keep &= inside_mask(xy.reshape(-1, 2), sheet).reshape(keep.shape)
+            keep &= beside(inside_mask(xy.reshape(-1, 2), sheet).reshape(keep.shape) & keep)
     mesh, at = mesh_from_grid(points, keep, relative[keep], step)
     col, row = at.astype(int).T
+    photo_xy = xy[row, col]
+    if sheet is not None:
+        mesh, photo_xy, used = trim_to_sheet(mesh, photo_xy, sheet)
+        col, row = col[used], row[used]
     neighbours = ndimage.uniform_filter(keep.astype(np.float64), 3, mode="constant")
-    scan = Scan(mesh, photo, xy[row, col], photo_camera)
+    scan = Scan(mesh, photo, photo_xy, photo_camera)
     acquired = AcquiredScan(scan, np.clip(neighbours[row, col], 0, 1), noise * distance, tuple(warnings))
     return with_noise(acquired, "average several scans of the same still sheet, or scan it from nearer")
 
