@@ -72,6 +72,7 @@ def broken(old, new):
 BAD = {  # name: (files, fields, status, a part of the sentence)
     "no scan": ([("photo", ("photo.png", png()))], {}, 422, "no scan was sent"),
     "no mesh": ([("scan", ("scan.mtl", MTL))], {}, 422, "no mesh is among the files"),
+    "no unit": ([*SCAN], {"units": "parsec"}, 422, "a length such as 7.91um"),
     "one photo": ([("scan", ("scan.png", png()))], {}, 422, "one photo was sent ('scan.png')"),
     "no HEIC": ([("scan", ("a.heic", b"x")), ("scan", ("b.png", png()))], {}, 415, "not a readable image"),
     "two cameras files, two photos": (

@@ -134,6 +134,18 @@ def test_a_mask_by_hand_cuts_the_sheet_out():
 
 
 @pytest.mark.slow
+def test_a_mirrored_depth_map_under_its_photo_is_told(book):
+    _, capture = book
+    frames = capture.frames[:1]
+    codes = [
+        {w.code for w in from_depth(maps, capture.camera, capture.photo, capture.photo_camera).warnings}
+        for maps in (frames, [frame[:, ::-1] for frame in frames])
+    ]
+    assert "depth-mirrored" not in codes[0]
+    assert "depth-mirrored" in codes[1]
+
+
+@pytest.mark.slow
 def test_the_picture_shows_the_scan(book):
     _, capture = book
     made = from_depth(capture.frames, capture.camera, capture.photo, capture.photo_camera)

@@ -57,3 +57,24 @@ def test_buffers_of_a_gltf_outside_of_the_folder(tmp_path):
     assert len(read_scan(path, inside=tmp_path).scan.mesh.points) == 35
     with pytest.raises(InputError, match=r"\.\./sheet\.bin, which does not exist"):
         read_scan(path, inside=tmp_path / "upload")
+
+
+def test_layers_of_a_usd_outside_of_the_folder(tmp_path):
+    (tmp_path / "upload").mkdir()
+    points, faces = sheet_scan().mesh.points, sheet_scan().mesh.faces
+    (tmp_path / "secret.usda").write_text(
+        f"""#usda 1.0
+def Mesh "sheet"
+{{
+    point3f[] points = {[tuple(p) for p in points.tolist()]}
+    int[] faceVertexCounts = {[3] * len(faces)}
+    int[] faceVertexIndices = {faces.ravel().tolist()}
+}}
+"""
+    )
+    path = tmp_path / "upload" / "sheet.usda"
+    path.write_text(f"#usda 1.0\n(\n    subLayers = [@{tmp_path}/secret.usda@]\n)\n")
+    assert len(read_scan(path, units="mm").scan.mesh.points) == len(points)
+    assert len(read_scan(path, units="mm", inside=tmp_path).scan.mesh.points) == len(points)
+    with pytest.raises(InputError, match=r"secret\.usda, which lies outside of the folder"):
+        read_scan(path, units="mm", inside=tmp_path / "upload")

@@ -11,7 +11,8 @@ from planish.cli.acquire.common import scale_warnings
 from planish.errors import UsageError
 from planish.io import read_captures, read_cloud, read_depths, read_scan
 from planish.io.encode import png_bytes
-from planish.io.units import mm_per_unit, unit_named_in
+from planish.io.units import unit_named_in
+from planish.settings import mm_per_unit
 from planish.types import Camera
 from samples import sheet_scan
 

@@ -8,6 +8,7 @@ import pytest
 import bad_uploads
 from planish.settings import ServeSettings
 from planish.web.app import application
+from planish.web.fields import read_fields
 from planish.web.service import Service
 
 LIMITS = ServeSettings(upload_mb=1, unpacked_mb=2, files=20, megapixels=100, queue=3)
@@ -51,6 +52,10 @@ def test_a_bad_upload_gets_a_sentence_and_leaves_nothing(service, tmp_path, name
     assert str(tmp_path) not in answer.text
     assert list((tmp_path / "jobs").iterdir()) == []
     assert service.store.all_ids() == set()
+
+
+def test_the_unit_may_be_any_length():
+    assert read_fields({"units": "7.91um"}).units == "7.91um"
 
 
 def test_uploads_are_accepted_until_the_queue_is_full(service):

@@ -5,6 +5,8 @@ Command-line flags, their help, form fields and the report are generated from th
 
 from __future__ import annotations
 
+import math
+import re
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -30,8 +32,6 @@ USUAL_SHEET_MM = 297.0
 """Long side that a sheet of unknown size is taken to have: that of A4."""
 Units = str
 """auto, mm, cm, m, in, or the length of a step of 1 in the file's numbers, such as 7.91um."""
-NamedUnits = Literal["auto", "mm", "cm", "m", "in"]
-"""Those that a menu offers."""
 Unit = Literal["mm", "cm", "m", "in"]
 Pages = Literal["1", "2", "auto"]
 SheetRegion = Literal["auto", "all"]
@@ -39,10 +39,38 @@ PageKind = Literal["tif", "png", "jpg", "pdf"]
 
 MM_PER_UNIT: dict[str, float] = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": MM_PER_INCH}
 """Of every `Unit`."""
+_MM_PER_SYMBOL = {**MM_PER_UNIT, "nm": 1e-6, "um": 1e-3, "µm": 1e-3, "μm": 1e-3, "micron": 1e-3, "ft": 304.8, "km": 1e6}
+_LENGTH = re.compile(r"((?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)?\s*([a-zµμ]+)\Z", re.IGNORECASE)
 
 _MESH_FORMATS = "OBJ PLY GLB glTF STL OFF 3MF DAE X3D X3DV WRL USDZ USDC USDA"
 MESH_SUFFIXES: dict[str, str] = {f".{name.lower()}": name for name in _MESH_FORMATS.split()}
 """Format names of mesh files by suffix, where a scan has to be found among other files: batches and uploads."""
+
+
+def mm_per_unit(unit: str) -> float:
+    """How many mm a step of 1 in a file's numbers is.
+
+    Raises
+    ------
+    UsageError
+        If it is no length above 0.
+
+    Examples
+    --------
+    >>> mm_per_unit("in"), mm_per_unit("7.91um"), mm_per_unit("0.1 mm")
+    (25.4, 0.00791, 0.1)
+    """
+    found = _LENGTH.match(unit.strip())
+    symbol = found[2].lower() if found else ""
+    if not found or symbol not in _MM_PER_SYMBOL:
+        raise UsageError(
+            f"the unit must be auto, {', '.join(MM_PER_UNIT)}, or a length such as 7.91um (nm, um, mm, cm, m, in, ft),"
+            f" not {unit}"
+        )
+    length = float(found[1] or 1) * _MM_PER_SYMBOL[symbol]
+    if not 0 < length < math.inf:
+        raise UsageError(f"the unit is {unit}; a length above 0 is wanted")
+    return round(length, 15)
 
 
 @dataclass(frozen=True, kw_only=True)

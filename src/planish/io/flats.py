@@ -19,8 +19,8 @@ from planish.io.ply_write import ply_parts
 from planish.io.polygons import Polygons, triangulate, uv_of_points
 from planish.io.scans import ReadScan
 from planish.io.tifxyz import write_tifxyz
-from planish.io.units import mm_per_unit
 from planish.mesh import rasterize
+from planish.settings import mm_per_unit
 from planish.types import Floats, Ints
 
 SUFFIXES = (".obj", ".ply", ".glb", ".tifxyz", "")

@@ -20,8 +20,9 @@ from planish.io.meshes import read_mesh
 from planish.io.polygons import Polygons, triangulate
 from planish.io.scan_photos import decode_image, only_image, places_on_photo, read_sheet_mask, read_textures
 from planish.io.textures import Image, no_images
-from planish.io.units import Unit, decide_unit, mm_per_unit
+from planish.io.units import Unit, decide_unit
 from planish.io.views import Files, listed, matched
+from planish.settings import mm_per_unit
 from planish.types import Camera, Diagnostic, Floats, Ints, Mesh, Pixels, Scan, Texture, View
 
 

@@ -7,14 +7,11 @@ import re
 import numpy as np
 
 from planish.errors import InputError, UsageError
-from planish.settings import MM_PER_UNIT
+from planish.settings import MM_PER_UNIT, mm_per_unit
 from planish.types import Diagnostic, Floats
 
 Unit = str
 """One of "mm", "cm", "m", "in", or a length such as "7.91um": so long is a step of 1 in the file's numbers."""
-
-_MM_PER_SYMBOL = {**MM_PER_UNIT, "nm": 1e-6, "um": 1e-3, "µm": 1e-3, "μm": 1e-3, "micron": 1e-3, "ft": 304.8, "km": 1e6}
-_LENGTH = re.compile(r"((?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)?\s*([a-zµμ]+)\Z", re.IGNORECASE)
 
 PAGE_MM = (50.0, 1500.0)
 """Diagonal of a page that is taken for one: from a bus ticket to a newspaper spread."""
@@ -38,32 +35,6 @@ _HINT = re.compile(
     re.IGNORECASE,
 )
 _FULL_NAMES: dict[str, Unit] = {"millimet": "mm", "centimet": "cm", "met": "m", "inch": "in"}
-
-
-def mm_per_unit(unit: Unit) -> float:
-    """How many mm a step of 1 in a file's numbers is.
-
-    Raises
-    ------
-    UsageError
-        If it is no length above 0.
-
-    Examples
-    --------
-    >>> mm_per_unit("in"), mm_per_unit("7.91um"), mm_per_unit("0.1 mm")
-    (25.4, 0.00791, 0.1)
-    """
-    found = _LENGTH.match(unit.strip())
-    symbol = found[2].lower() if found else ""
-    if not found or symbol not in _MM_PER_SYMBOL:
-        raise UsageError(
-            f"the unit must be auto, {', '.join(MM_PER_UNIT)}, or a length such as 7.91um (nm, um, mm, cm, m, in, ft),"
-            f" not {unit}"
-        )
-    length = float(found[1] or 1) * _MM_PER_SYMBOL[symbol]
-    if not 0 < length < np.inf:
-        raise UsageError(f"the unit is {unit}; a length above 0 is wanted")
-    return round(length, 15)
 
 
 def is_unit(text: str) -> bool:

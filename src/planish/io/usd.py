@@ -44,6 +44,7 @@ def read_usd(path: Path, data: bytes, inside: Path | None = None) -> FileMesh:
             stage = Usd.Stage.Open(file.name)
             if stage is None:
                 raise InputError(f"{path} is a USD file, but damaged or cut short")
+            _check_layers(path, stage, file.name, inside)
             per_unit = UsdGeom.GetStageMetersPerUnit(stage)
             parts = [
                 _part(path, archive, inside, prim, UsdGeom, UsdShade)
@@ -56,6 +57,16 @@ def read_usd(path: Path, data: bytes, inside: Path | None = None) -> FileMesh:
             raise InputError(f"{path} is a USD file, but damaged or cut short{_reason(problem)}") from problem
     plain = {1.0: "m", 0.01: "cm", 0.001: "mm", 0.0254: "in"}.get(round(per_unit, 9), f"{per_unit:.9g}m")
     return joined(path, [part for part in parts if part is not None], plain)
+
+
+def _check_layers(path: Path, stage: Any, opened: str, inside: Path | None) -> None:
+    """Refuse a scan from strangers whose layers name further ones outside of its folder."""
+    for layer in stage.GetUsedLayers():
+        place = str(layer.realPath)
+        if inside is None or not place or place.split("[")[0] == str(Path(opened).resolve()):
+            continue
+        if not Path(place.split("[")[0]).resolve().is_relative_to(inside.resolve()):
+            raise InputError(f"{path} names the layer {place}, which lies outside of the folder of the scan")
 
 
 def _reason(problem: Exception) -> str:

@@ -11,6 +11,9 @@ from planish.settings import SheetRegion
 from planish.surface import smooth_normals
 from planish.types import Diagnostic, PreparedScan, Scan
 
+CRUMBS = {"points-loose", "small-pieces-removed"}
+"""Warnings of what a cut leaves behind, which tell nothing beside the cut's own."""
+
 
 def prepare(scan: Scan, sheet: SheetRegion = "all", *, close_slits: bool = True) -> PreparedScan:
     """Repair a scan and find what all later stages need of it.
@@ -43,7 +46,7 @@ def prepare(scan: Scan, sheet: SheetRegion = "all", *, close_slits: bool = True)
     return replace(
         repaired,
         source=scan,
-        warnings=(*warnings, *(w for w in repaired.warnings if not warnings or w.code != "points-loose")),
+        warnings=(*warnings, *(w for w in repaired.warnings if not warnings or w.code not in CRUMBS)),
         viewpoint=eye,
         find_normals=smooth_normals,
     )

@@ -12,7 +12,7 @@ from docstring_parser import parse
 from planish.errors import UsageError
 from planish.hints import as_field
 from planish.job.settings_codec import SettingsError, decode_settings, json_schema
-from planish.settings import NamedUnits, Paper, PhotoSettings, RestoreSettings
+from planish.settings import Paper, PhotoSettings, RestoreSettings, mm_per_unit
 from planish.web.problems import HTTPProblem
 from planish.web.upload_request import Format
 
@@ -33,8 +33,9 @@ class FormSettings:
         For photos without a scan: size of the sheet.
     width_mm : float, optional
         For photos without a scan: width of the sheet.
-    units : {"auto", "mm", "cm", "m", "in"}
-        Unit of the scan's coordinates. auto decides from the file and the size of the scan.
+    units : {"auto", "mm", "cm", "m", "in"} or a length
+        Unit of the scan's coordinates. auto decides from the file and the size of the scan; a length such as 7.91um is
+        that of a step of 1, for voxels.
     view : bool
         Also write an interactive HTML page: the scan in 3D, the page, and quality maps.
     formats : tuple of {"tif", "png", "jpg", "pdf"}
@@ -45,12 +46,14 @@ class FormSettings:
     marker_mm: float | None = None
     paper: Paper = "unknown"
     width_mm: float | None = None
-    units: NamedUnits = "auto"
+    units: str = "auto"
     view: bool = True
     formats: tuple[Format, ...] = ("tif", "png", "pdf")
 
     def __post_init__(self) -> None:
         _ = self.size
+        if self.units != "auto":
+            mm_per_unit(self.units)
 
     @property
     def size(self) -> PhotoSettings:

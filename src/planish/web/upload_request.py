@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from planish.settings import NamedUnits, PhotoSettings, RestoreSettings
+from planish.settings import PhotoSettings, RestoreSettings
 
 Format = Literal["tif", "png", "jpg", "pdf"]
 
@@ -23,7 +23,7 @@ class UploadRequest:
     size : PhotoSettings
         What tells the size of a sheet that only photos show.
     settings : RestoreSettings
-    units : NamedUnits
+    units : str
     view : bool
         Whether to write an HTML page.
     formats : tuple of Format
@@ -35,6 +35,6 @@ class UploadRequest:
     camera: tuple[str, ...]
     size: PhotoSettings
     settings: RestoreSettings
-    units: NamedUnits
+    units: str
     view: bool
     formats: tuple[Format, ...]

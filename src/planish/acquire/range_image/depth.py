@@ -11,6 +11,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from planish.acquire.grid_mesh import NOISE_STEPS, STEEPEST, AcquiredScan, grid_mesh
+from planish.acquire.range_image.mirror_check import mirrored_warnings
 from planish.acquire.range_image.ray_check import depth_direction_warnings
 from planish.acquire.range_image.steps import depth_step, step_warnings, with_rounding
 from planish.acquire.range_image.trim import beside, trim_to_sheet
@@ -81,6 +82,7 @@ def from_depth(
     if sheet is not None:
         known = np.isfinite(points).all(axis=2)
         on_sheet = np.isfinite(apply_mask(points, seen_from, sheet)).all(axis=2)
+        warnings += mirrored_warnings(depth, np.asarray(on_sheet), step_mm)
         warnings += depth_direction_warnings(depth, camera, np.asarray(known & ~on_sheet), depth_along)
         points = np.where(beside(np.asarray(on_sheet))[..., None], points, np.nan)
     mesh, pixel_xy = grid_mesh(points, camera, noise_mm=noise_mm)

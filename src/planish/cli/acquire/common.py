@@ -65,7 +65,8 @@ def sheet_mask(mask: str) -> Bools | str | None:
 
 def unit_of_cloud(cloud: FileCloud, units: str) -> tuple[float, list[Diagnostic]]:
     """Millimetres per unit of a point cloud, and warnings."""
-    from planish.io.units import decide_unit, mm_per_unit
+    from planish.io.units import decide_unit
+    from planish.settings import mm_per_unit
 
     unit, unit_warnings = decide_unit(cloud.points[cloud.points.any(axis=1)], units, cloud.unit)
     return mm_per_unit(unit), [*cloud.warnings, *unit_warnings]
