@@ -46,7 +46,7 @@ def seen(name, table=70.0, with_table=True, camera=CAMERA, finger=None):
     """A range image of a sheet of blank paper on its table, and a photo by the same camera; a finger of some colour."""
     shown = viewed(name, camera)
     points, paper = shown.points.copy(), np.isfinite(shown.page_xy[..., 0])
-    levels = np.where(paper, 215.0, table)[..., None] * np.ones(3)
+    levels = np.where(paper[..., None], 215.0, table) * np.ones(3)
     if finger is not None:
         held = raise_finger(points, paper)
         levels[held], paper = finger, paper & ~held
@@ -362,11 +362,25 @@ def test_a_part_of_a_bare_sheet_that_stands_up_between_cuts_is_no_sheet_on_a_tab
     assert [w.code for w in warnings] in ([], ["surroundings-doubtful"])
 
 
-def test_paper_and_lit_table_apart_from_a_shadow_are_not_taken_for_the_sheet():
-    scan, _ = seen("spread")
+def in_shadow(scan):
     rows, cols = np.mgrid[:240, :320]
     shadow = np.where(rows + 0.5 * cols > 150, 1.0, 0.3)[..., None]
-    shaded = replace(scan, photo=(scan.photo * shadow).astype(np.uint8))
+    return replace(scan, photo=(scan.photo * shadow).astype(np.uint8))
+
+
+@pytest.mark.parametrize("name", ["book", "letter", "spread"])
+def test_under_a_shadow_white_paper_is_told_from_a_wooden_table(name):
+    scan, paper = seen(name, table=(110.0, 80.0, 60.0))
+    alone, (warning,) = leave_out_surroundings(in_shadow(scan))
+    assert warning.code == "surroundings-left-out"
+    used = np.unique(alone.mesh.faces)
+    moved = (alone.mesh.points != scan.mesh.points).any(axis=1)
+    assert (paper | moved)[used].mean() > 0.998
+    assert paper[used].sum() > 0.97 * paper.sum()
+
+
+def test_paper_and_lit_table_apart_from_a_shadow_are_not_taken_for_the_sheet():
+    shaded = in_shadow(seen("spread")[0])  # a grey table
     kept, warnings = leave_out_surroundings(shaded)
     assert kept is shaded
     assert [w.code for w in warnings] == ["surroundings-doubtful"]

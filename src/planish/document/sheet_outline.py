@@ -196,6 +196,13 @@ def find_sheet(photo: Pixels, *, whole: bool = False, contrast: float = MIN_CONT
     return np.asarray(cv2.erode(mask, np.ones((border, border), np.uint8)) > 127)
 
 
+def whiteness(photo: Pixels) -> NDArray[np.uint8]:
+    """A picture (rows, cols, 3) of how white a photo is, min(R, G, B) / max(R, G, B), whatever light falls where."""
+    red, green, blue = cv2.split(to_uint8(photo))
+    low, high = cv2.min(cv2.min(red, green), blue), cv2.max(cv2.max(red, green), blue)
+    return np.asarray(np.repeat(cv2.divide(low, high, scale=255)[..., None], 3, axis=2), np.uint8)
+
+
 def _bright_region(photo: Pixels) -> tuple[NDArray[np.uint8], Bools, float]:
     """On a small picture: the brightness without print, its largest bright region, and the picture's scale."""
     rows, cols = photo.shape[:2]

@@ -11,7 +11,14 @@ from planish.document.cut import cut_to_outline, left_out_share, with_faces
 from planish.document.hands import without_hands
 from planish.document.raised import raised_sheet
 from planish.document.rim import at_places, share_around, sticking_out, with_margin
-from planish.document.sheet_outline import MAYBE_CONTRAST, count_sheets, ends_in_an_edge, find_sheet, is_even
+from planish.document.sheet_outline import (
+    MAYBE_CONTRAST,
+    count_sheets,
+    ends_in_an_edge,
+    find_sheet,
+    is_even,
+    whiteness,
+)
 from planish.document.top_view import picture, top_view
 from planish.errors import InputError
 from planish.geometry import project
@@ -60,8 +67,9 @@ def leave_out_surroundings(scan: Scan) -> tuple[Scan, list[Diagnostic]]:
 
     The photo tells paper from ground (`find_sheet`), or, where the images are no view of the scene, the colours seen
     straight from above; the ground must lie all around the sheet, and in one plane from which the sheet rises. Where
-    colours tell nothing, what stands out of a plane with steps all around is the sheet (`raised_sheet`). Anything less
-    plain is kept: a sheet alone loses no point.
+    colours tell nothing, what stands out of a plane with steps all around is the sheet (`raised_sheet`). Where that is
+    not plain either, but something stands out, a shadow may lie across sheet and table: then white is told from
+    coloured ground, which no shadow changes. Anything less plain is kept: a sheet alone loses no point.
 
     Parameters
     ----------
@@ -73,16 +81,21 @@ def leave_out_surroundings(scan: Scan) -> tuple[Scan, list[Diagnostic]]:
         With the same points; only faces are left out.
     warnings : list of Diagnostic
     """
-    cut, warnings = _by_colour(scan)
+    shown = _picture(scan)
+    cut, warnings = _by_colour(scan, shown)
     if cut is not scan:
         return cut, warnings
     shaped, notes = _by_shape(scan)
-    return (scan, warnings or notes) if shaped is scan else (shaped, notes)
+    if shaped is not scan:
+        return shaped, notes
+    doubts = warnings or notes
+    if doubts and shown is not None:
+        cut, warnings = _by_colour(scan, _Picture(whiteness(shown.pixels), shown.places))
+    return (scan, doubts) if cut is scan else (cut, warnings)
 
 
-def _by_colour(scan: Scan) -> tuple[Scan, list[Diagnostic]]:
+def _by_colour(scan: Scan, shown: _Picture | None) -> tuple[Scan, list[Diagnostic]]:
     """The scan cut where paper ends and darker ground begins; the scan itself where that is not plain."""
-    shown = _picture(scan)
     if shown is None:
         return scan, []
     mask = find_sheet(shown.pixels, whole=True)
