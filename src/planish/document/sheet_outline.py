@@ -212,7 +212,7 @@ def _bright_region(photo: Pixels) -> tuple[NDArray[np.uint8], Bools, float]:
     raw = small.max(axis=2)
     bright = _without_print(raw, CLOSING)
     above, _ = cv2.threshold(_log_levels(bright), 0, 255, cv2.THRESH_BINARY | cv2.THRESH_OTSU)
-    inside = _largest(_log_levels(bright) > above)
+    inside = largest_region(_log_levels(bright) > above)
     narrow = _without_print(raw, NARROW)
     several = _several_sheets(inside & (_log_levels(narrow) > above))
     return (bright, inside, scale) if several is None else (narrow, several, scale)
@@ -247,7 +247,7 @@ def _several_sheets(bright: Bools) -> Bools | None:
     """The largest of several large regions, which a gap of ground divides; None where there is one."""
     _, _, stats, _ = cv2.connectedComponentsWithStats(bright.astype(np.uint8))
     areas = np.sort(stats[1:, cv2.CC_STAT_AREA])[::-1]
-    return _largest(bright) if len(areas) > 1 and areas[1] > MIN_SECOND * areas[0] else None
+    return largest_region(bright) if len(areas) > 1 and areas[1] > MIN_SECOND * areas[0] else None
 
 
 def _without_print(grey: NDArray[np.uint8], part: float) -> NDArray[np.uint8]:
@@ -259,7 +259,7 @@ def _log_levels(grey: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return (np.log1p(grey.astype(np.float32)) * (255 / np.log(256))).astype(np.uint8)
 
 
-def _largest(mask: Bools) -> Bools:
+def largest_region(mask: Bools) -> Bools:
     """The largest connected region, holes filled."""
     _, label, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8))
     if len(stats) < 2:

@@ -38,7 +38,7 @@ def distance_inside(points: Floats, seen: Bools, cameras: Sequence[Camera], pape
         rows, cols = paper.inside_px.shape
         xy = project(camera, points)
         here = seen[:, k] & (xy > 0).all(axis=1) & (xy < [cols - 1, rows - 1]).all(axis=1)
-        px = ndimage.map_coordinates(paper.inside_px, xy[here].T[::-1], order=1)
+        px = ndimage.map_coordinates(paper.inside_px.astype(np.float32), xy[here].T[::-1], order=1)
         inside[here, k] = px * depths(camera, points[here]) / camera.matrix[0, 0]
     some = np.isfinite(inside).any(axis=1)
     out = np.full(len(points), np.nan)

@@ -48,7 +48,8 @@ def rim_points(papers: Sequence[Paper | None], cameras: Sequence[Camera], points
     pairs = [(paper, camera) for paper, camera in zip(papers, cameras, strict=True) if paper is not None]
     if len(pairs) <= FEWEST:
         return np.zeros((0, 3))
-    stack = stack_photos([paper.inside_px for paper, _ in pairs], [camera for _, camera in pairs], [1.0] * len(pairs))
+    outlines = [paper.inside_px.astype(np.float32) for paper, _ in pairs]
+    stack = stack_photos(outlines, [camera for _, camera in pairs], [1.0] * len(pairs))
     beyond = BEYOND * float(np.linalg.norm(np.ptp(points, axis=0)))
     found = [
         _on_rays(stack, number, *_rays(paper, camera), _depth_range(camera, points, beyond))

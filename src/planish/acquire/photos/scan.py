@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numba import get_num_threads
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
@@ -143,12 +145,13 @@ def from_photos(
     done(0.4)
     used = [k for k, camera in enumerate(poses.cameras) if camera is not None]
     left_out = [photo.name for k, photo in enumerate(photos) if k not in used]
-    papers = [find_paper(to_uint8(photos[k].pixels)) for k in used]
+    with ThreadPoolExecutor(get_num_threads()) as pool:  # OpenCV releases the GIL
+        papers = list(pool.map(lambda k: find_paper(to_uint8(photos[k].pixels)), used))
     poses, scale, scale_error, warnings = _to_mm(poses, photos, used, s, known=cameras is not None)
     placed = [camera for camera in poses.cameras if camera is not None]
     points = _points_of_sheet(poses, placed, papers)
     done(0.5)
-    blanked = [_blanked(grey[k], paper) for k, paper in zip(used, papers, strict=True)]
+    blanked = [grey[k] if paper is None else paper.blanked(grey[k]) for k, paper in zip(used, papers, strict=True)]
     surface = find_surface(blanked, papers, placed, points, lambda share: done(0.5 + 0.5 * share))
     mesh, views, near = _cut_out(surface)
     measured = np.clip(2 - near / (NEAR_CELLS * surface.grid.spacing), 0, 1)
@@ -254,10 +257,6 @@ def _points_of_sheet(poses: CameraPoses, cameras: Sequence[Camera], papers: Sequ
             "good light, each overlapping the others"
         )
     return points
-
-
-def _blanked(grey: NDArray[np.uint8], paper: Paper | None) -> NDArray[np.float32]:
-    return grey.astype(np.float32) if paper is None else grey * paper.share
 
 
 def _cut_out(surface: SheetSurface) -> tuple[Mesh, NDArray[np.int32], Floats]:

@@ -27,7 +27,7 @@ from planish.geometry.axes import principal_axes
 from planish.geometry.guards import normalize
 from planish.types import Bools, Camera, Floats
 
-Grey = NDArray[np.float32]
+Grey = NDArray[np.uint8]
 
 
 @dataclass(frozen=True)
@@ -75,6 +75,9 @@ AGREEMENT = 0.6
 """Least mean correlation of a match."""
 UNSURE = 0.5
 """Matches less sure than this part of a sample are none: shade that grows one way looks alike everywhere."""
+SPECKLE_CELLS, NO_OFFSET = 6, -(2**15)
+"""Matches are left out in groups of at most so many cells, neighbours of which differ by up to one step: random places
+of blank paper agree now and then."""
 BEND_WIDTH = 0.015
 """Half of the width over which bends are looked at, in widths of the grid: 6 mm of A4."""
 SHARPEST = 0.98
@@ -167,8 +170,8 @@ def find_surface(
 
     Parameters
     ----------
-    photos : sequence of (rows, cols) float32
-        Grey levels 0 to 255; black where the ground is.
+    photos : sequence of (rows, cols) uint8
+        Grey levels; black where the ground is.
     papers : sequence of Paper or None
     cameras : sequence of Camera
     points : (n, 3) float64 [mm]
@@ -240,8 +243,16 @@ def _match(
         offset[rows], sigma[rows] = other.offset[better], other.sigma[better]
         agreement[rows] = other.agreement[better]
     good = (agreement > AGREEMENT) & (sigma < UNSURE * sample_mm)
+    good = _without_speckles(np.where(good, offset / (STEP * sample_mm), np.nan).reshape(grid.shape_rc)).ravel()
     places = (nodes + offset[:, None] * normals)[good]
     return Measured(places, sigma[good], np.full(len(places), RADIUS * sample_mm))
+
+
+def _without_speckles(steps: Floats) -> Bools:
+    """Matches (rows, cols), by their offset in steps, that go on to neighbours: false ones stand alone."""
+    sixteenths = np.where(np.isfinite(steps), 16 * np.nan_to_num(steps), NO_OFFSET).astype(np.int16)
+    kept = cv2.filterSpeckles(sixteenths, NO_OFFSET, SPECKLE_CELLS, 16)[0]
+    return np.asarray(kept != NO_OFFSET)
 
 
 def _fit(grid: Grid, measured: Measured, start: Floats | None, pixel_mm: float, active: Bools | None = None) -> Floats:
@@ -275,12 +286,10 @@ def _active(inside: Floats, rim_mm: float) -> Bools:
     return np.asarray(ndimage.binary_closing(near, iterations=3) | near)
 
 
-def _reduced(photo: Grey, reduction: float) -> Grey:
-    if reduction == 1.0:
-        return photo
+def _reduced(photo: Grey, reduction: float) -> NDArray[np.float32]:
     rows, cols = photo.shape
     size = round(cols / reduction), round(rows / reduction)
-    return np.asarray(cv2.resize(photo, size, interpolation=cv2.INTER_AREA))
+    return np.asarray(cv2.resize(photo.astype(np.float32), size, interpolation=cv2.INTER_AREA))
 
 
 def _resampled(grid: Grid, heights: Floats, finer: Grid) -> Floats:
