@@ -91,8 +91,9 @@ def _not_below_chords(first, last, rest, points, edges, slack, noise_ratio, out)
         i, j = edges[e, 0], edges[e, 1]
         ratio, out[e] = max(noise_ratio[i], noise_ratio[j]), rest[e]
         if ratio < math.inf:
-            chord = math.sqrt(max(square(minus(row(points, j), row(points, i))) - (slack * ratio) ** 2, 0.0))
-            out[e] = max(rest[e], chord)
+            squared = square(minus(row(points, j), row(points, i))) - (slack * ratio) ** 2
+            if squared > rest[e] * rest[e]:
+                out[e] = math.sqrt(squared)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -161,7 +161,7 @@ def smooth_lengths(points: Floats, faces: Ints, topology: Topology, *, eye: Floa
             eye = find_eye() if eye is None else eye
             points = _without_spikes(points, spikes, feet + scan.middle, axes, eye)
             raw = distances(points, topology.edges)
-            scan = measure_scan(points, faces, topology, raw, parallel_for)
+            scan = measure_scan(points, faces, topology, raw, parallel_for, scan.ring)
         raw_defects = angle_defects(raw, faces, topology, len(points), parallel_for)
         buckling = math.sqrt(float(np.quantile(raw_defects, 0.25))) if len(raw_defects) else 0.0
         plan = plan_smoothing(scan, buckling, parallel_for)
@@ -255,7 +255,7 @@ def _presmoothed(
         if total < (1 + SIZE_SETTLED) * lengths.sum():
             break
         total = float(lengths.sum())
-    return measure_scan(moved + scan.middle, faces, topology, lengths, parallel_for)
+    return measure_scan(moved + scan.middle, faces, topology, lengths, parallel_for, scan.ring)
 
 
 def _rays(scan: MeasuredScan, eye: Floats) -> Floats:

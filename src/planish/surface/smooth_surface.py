@@ -82,12 +82,17 @@ class Surface(NamedTuple):
 
 
 def measure_scan(
-    points: Floats, faces: Ints, topology: Topology, raw: Floats, parallel_for: ParallelFor
+    points: Floats,
+    faces: Ints,
+    topology: Topology,
+    raw: Floats,
+    parallel_for: ParallelFor,
+    ring: OneRing | None = None,
 ) -> MeasuredScan:
-    """Prepare a mesh whose edges are `raw` long."""
+    """Prepare a mesh whose edges are `raw` long, and whose one-rings may be known."""
     middle = np.array([points[:, k].mean() for k in range(3)]) if len(points) else np.zeros(3)
     centred = points - middle
-    ring = OneRing(*neighbours(topology.edges, len(points)))
+    ring = OneRing(*neighbours(topology.edges, len(points))) if ring is None else ring
     rows = vertex_records(centred, faces)
     some = raw[sample(len(raw))]
     spacing = float(np.median(some)) if len(some) else 0.0
