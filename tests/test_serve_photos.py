@@ -7,7 +7,12 @@ import pytest
 from PIL import Image
 
 from planish.cli.acquire.virtual_photos import phone_jpeg
-from planish.gallery import photo_shoot, sheet, typeset_page
+from planish.gallery import photo_shoot, sheet, typeset_page, virtual_scan
+from planish.job import photo_sheet
+from planish.job.photo_sheet import PhotographedSheet
+from planish.settings import PhotoSettings, RestoreSettings
+from planish.web.restore_photos import restore_photos
+from planish.web.upload_request import UploadRequest
 from serve_process import PATIENCE, Server
 
 pytestmark = pytest.mark.slow
@@ -61,15 +66,26 @@ def test_photos_become_a_page_of_true_size(server, photos, tmp_path):
         assert page.info["dpi"][0] == pytest.approx(200, abs=0.1)
 
 
-def test_without_a_size_no_dpi_is_claimed(server, photos, tmp_path):
-    paths, _ = photos
-    told = list(server.events(server.send(paths, formats="png", view="false", binarize="none")))
-    assert told[-1]["state"] == "done", told[-1]["sentence"]
-    assert any("no true size" in sentence for sentence in told[-1]["warnings"])
-    page = next(file for file in told[-1]["files"] if file["name"] == "page.png")
-    (tmp_path / "page.png").write_bytes(server.client.get(page["href"]).content)
-    with Image.open(tmp_path / "page.png") as image:
-        assert "dpi" not in image.info
+def test_without_a_size_no_dpi_is_claimed(tmp_path, monkeypatch):
+    """The shape is a scan's, since measuring photos once more takes half a minute."""
+    scan = virtual_scan(sheet("letter"), points=2000, photo_px=(400, 300)).scan
+    found = PhotographedSheet(scan, False, {}, lambda restoration: restoration.report)
+    monkeypatch.setattr(photo_sheet, "shape_of_several", lambda *_: found)
+    photos, view, formats = ("a.jpg", "b.jpg"), False, ("png",)
+    request = UploadRequest(
+        scan="",
+        photo=photos,
+        camera=(),
+        size=PhotoSettings(),
+        settings=RestoreSettings(),
+        units="mm",
+        view=view,
+        formats=formats,
+    )
+    restore_photos(tmp_path, request, lambda stage, share: None)
+    for name in ("page.png", "page-bw.png"):
+        with Image.open(tmp_path / name) as image:
+            assert "dpi" not in image.info
 
 
 def test_photos_of_different_things_fail_with_a_sentence(server, photos, tmp_path):

@@ -190,7 +190,7 @@ def find_sheet(photo: Pixels, *, whole: bool = False, contrast: float = MIN_CONT
     if np.median(bright[inside]) < contrast * max(float(np.median(bright[~inside])), 1.0):
         return None
     if whole:
-        return _largest(refine_outline(to_uint8(photo).max(axis=2), inside, bright))
+        return largest_region(refine_outline(to_uint8(photo).max(axis=2), inside, bright))
     mask = cv2.resize(inside.astype(np.uint8) * 255, (cols, rows), interpolation=cv2.INTER_LINEAR)
     border = 1 + 2 * int(np.ceil(0.5 / scale))  # half a small pixel is how far the outline may be off
     return np.asarray(cv2.erode(mask, np.ones((border, border), np.uint8)) > 127)
