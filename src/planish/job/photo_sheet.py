@@ -67,7 +67,7 @@ def shape_of_several(
     from planish.acquire.photos.page_error import expected_page_error
     from planish.acquire.photos.scan import from_photos
     from planish.io.photo_set import read_photo_set
-    from planish.pipeline.scale import scaled_to_width
+    from planish.pipeline.scale import scaled_to_width, unlike_paper
 
     start = perf_counter()
     progress("read", 0.0)
@@ -81,7 +81,11 @@ def shape_of_several(
 
     def complete(restoration: Restoration) -> Report:
         report, flat = restoration.report, restoration.flattening
-        notes: list[Diagnostic] = [*found.acquired.warnings, *what_next(found, flat.page_xy, flat.size_mm)]
+        notes: list[Diagnostic] = [
+            *unlike_paper(flat.size_mm, settings.paper),
+            *found.acquired.warnings,
+            *what_next(found, flat.page_xy, flat.size_mm),
+        ]
         error = expected_page_error(found.report, flat.size_mm, report.flatten)
         return replace(
             report,
