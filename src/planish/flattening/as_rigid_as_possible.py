@@ -20,6 +20,7 @@ from numba import njit
 from scipy.sparse import coo_array, csc_array, diags_array
 from scipy.sparse.linalg import SuperLU, splu
 
+from planish.geometry.guards import TINY
 from planish.mesh.measures import LEAST_HEIGHT, relative_height
 from planish.types import Floats, Ints
 
@@ -137,7 +138,7 @@ def _laplacian(a: Ints, b: Ints, weight: Floats, count: int) -> tuple[SuperLU, F
     values = np.concatenate([weight, weight, -weight, -weight])
     at = np.concatenate([a, b, a, b]), np.concatenate([a, b, b, a])
     matrix = coo_array((values, at), shape=(count, count)).tocsc()
-    ground = GROUND * np.maximum(np.abs(matrix.diagonal()), 1e-300)
+    ground = GROUND * np.maximum(np.abs(matrix.diagonal()), TINY)
     return _factor(matrix + diags_array(ground)), ground
 
 
@@ -152,7 +153,7 @@ def _lay_out(face_edges, rest):  # type: ignore[no-untyped-def]
     corners, cotangents, areas = np.zeros((m, 3, 2)), np.empty((m, 3)), np.empty(m)
     for f in range(m):
         base, far, near = rest[face_edges[f, 0]], rest[face_edges[f, 1]], rest[face_edges[f, 2]]
-        longest = max(base, far, near, 1e-300)
+        longest = max(base, far, near, TINY)
         base = max(base, LEAST_HEIGHT * longest)
         x = min(max((base * base + (near - far) * (near + far)) / (2.0 * base), -near), near)
         height = max(relative_height(base, far, near), LEAST_HEIGHT) * longest * (longest / base)

@@ -19,6 +19,7 @@ from scipy.sparse import bsr_array, csc_array
 from scipy.sparse.linalg import splu
 
 from planish.flattening.clusters import Clusters
+from planish.geometry.guards import TINY
 from planish.types import Floats, Ints, Outcome
 
 Complex = NDArray[np.complex128]
@@ -127,7 +128,7 @@ def _trust(joints: ClusterConstraints) -> Floats:
     """(j,) 1 / (1 + m / (0.01 s)), m the mean square by which shared points miss each other at best, s their spread."""
     product = joints.product - joints.sums[:, 0].conj() * joints.sums[:, 1] / joints.number
     spread = _spread(joints)
-    return np.asarray(1 / (1 + np.maximum(spread - 2 * np.abs(product), 0) / np.maximum(AMISS**2 * spread, 1e-300)))
+    return np.asarray(1 / (1 + np.maximum(spread - 2 * np.abs(product), 0) / np.maximum(AMISS**2 * spread, TINY)))
 
 
 @njit(cache=True, nogil=True)

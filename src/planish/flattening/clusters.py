@@ -12,6 +12,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from planish.geometry.guards import TINY
 from planish.mesh import Topology
 from planish.mesh.adjacency import faces_around
 from planish.parallel import ParallelFor
@@ -209,7 +210,7 @@ def _place_clusters(first, last, row, order, corners, base, face_edges, rest, pl
                 px, py = place[p, 0], place[p, 1]
                 dx, dy = place[r, 0] - px, place[r, 1] - py
                 u, v = _apex(length, rest[face_edges[f, back]], rest[face_edges[f, onward]], dx * dx + dy * dy)
-                share = max(length * length, 1e-300)
+                share = max(length * length, TINY)
                 place[apex, 0] += share * (px + 0.5 * dx + dx * u - dy * v)
                 place[apex, 1] += share * (py + 0.5 * dy + dy * u + dx * v)
                 weight[apex] += share

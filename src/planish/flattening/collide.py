@@ -8,6 +8,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from planish.geometry.guards import TINY
+
 REACH = 0.5
 """A point and a face closer than this at the start of a step are watched through the step."""
 CELL = 1.0
@@ -176,7 +178,7 @@ def _normal(x, faces, f):  # type: ignore[no-untyped-def]
     ux, uy, uz = x[b, 0] - x[a, 0], x[b, 1] - x[a, 1], x[b, 2] - x[a, 2]
     vx, vy, vz = x[c, 0] - x[a, 0], x[c, 1] - x[a, 1], x[c, 2] - x[a, 2]
     nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-    length = max(np.sqrt(nx * nx + ny * ny + nz * nz), 1e-300)
+    length = max(np.sqrt(nx * nx + ny * ny + nz * nz), TINY)
     return nx / length, ny / length, nz / length
 
 

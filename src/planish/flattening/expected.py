@@ -7,6 +7,7 @@ from numba import njit
 
 from planish.flattening.lengths import median_edge
 from planish.geometry.distances import distances
+from planish.geometry.guards import TINY
 from planish.mesh import Topology, area_vectors, bounds, point_normals
 from planish.types import Floats, Ints, Mesh, Sticks
 
@@ -70,7 +71,7 @@ def expected_error(xy: Floats, sticks: Sticks, at_rest: Floats | None = None) ->
     moved = 0.0 if at_rest is None else ((xy - at_rest) ** 2).sum(axis=1)
     xy = xy if at_rest is None else at_rest
     low, high = bounds(xy)
-    edge = max(median_edge(rest), 1e-300)
+    edge = max(median_edge(rest), TINY)
     side = float(np.sqrt(np.prod(np.maximum(high - low, edge))))
     spread, square = _strain_maps(xy, pairs, rest, edge, side)
     squared_error = STRAIN_WEIGHT**2 * side * spread + moved + sticks.bias_mm**2

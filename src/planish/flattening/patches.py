@@ -15,6 +15,7 @@ from numba import njit
 from scipy.sparse import coo_array, csc_array, diags_array
 from scipy.sparse.linalg import SuperLU, splu
 
+from planish.geometry.guards import TINY
 from planish.types import Floats, Ints
 
 SMALL = 0.1
@@ -266,7 +267,7 @@ def _stiffness(corner: Ints, kappa: Floats, nodes: int) -> csc_array:
 def _long_edges(xy: Floats, edges: Ints, corner: Ints, share: Floats, nodes: int) -> csc_array:
     """Stiffness u u^T of edges so long that their ends lie in cells without a common corner, one by one."""
     arm = xy[edges[:, 1]] - xy[edges[:, 0]]
-    arm /= np.maximum(np.linalg.norm(arm, axis=1, keepdims=True), 1e-300)
+    arm /= np.maximum(np.linalg.norm(arm, axis=1, keepdims=True), TINY)
     rows = np.arange(len(edges)).repeat(16)
     at, value = [], []
     for end, sign in ((0, -1.0), (1, 1.0)):

@@ -16,6 +16,7 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from planish.geometry.guards import TINY, normalize
 from planish.mesh import Topology, area_vectors, neighbours
 from planish.types import Floats, Ints
 
@@ -190,7 +191,7 @@ class _Rim:
         n = normal[at]
         right = _turned_tangents(points, topology, z, n, at)
         away = out[at] - np.einsum("ij,ij->i", out[at], n)[:, None] * n
-        return _Rim(piece[at], points[at], z[at], n, right, np.cross(n, right), _unit(away))
+        return _Rim(piece[at], points[at], z[at], n, right, np.cross(n, right), normalize(away))
 
 
 def _joints_to(rim: _Rim, host: int, widest: float, edge: float) -> list[GapAlignment]:
@@ -202,7 +203,7 @@ def _joints_to(rim: _Rim, host: int, widest: float, edge: float) -> list[GapAlig
     near = np.isfinite(distance)
     a, b = ours[nearest[near]], theirs[near]
     across = rim.place[b] - rim.place[a]
-    width = np.maximum(np.linalg.norm(across, axis=1), 1e-300)
+    width = np.maximum(np.linalg.norm(across, axis=1), TINY)
     facing = np.minimum(np.einsum("ij,ij->i", rim.out[a], across), -np.einsum("ij,ij->i", rim.out[b], across))
     plain = facing > FACING * width
     a, b = a[plain], b[plain]
@@ -238,10 +239,10 @@ def _unfolded(across: Floats, normal_a: Floats, normal_b: Floats) -> tuple[Float
     m, is stretched: from chord to arc where the sides stand nearly in one plane, to the two sides of the triangle
     that the planes make with it where they do not.
     """
-    middle, fold = _unit(normal_a + normal_b), np.cross(normal_a, normal_b)
+    middle, fold = normalize(normal_a + normal_b), np.cross(normal_a, normal_b)
     angle = np.arctan2(np.linalg.norm(fold, axis=1), np.einsum("ij,ij->i", normal_a, normal_b))
     flat = across - np.einsum("ij,ij->i", across, middle)[:, None] * middle
-    fold = np.where(angle[:, None] > 1e-6, _unit(fold), _unit(np.cross(middle, flat)))
+    fold = np.where(angle[:, None] > 1e-6, normalize(fold), normalize(np.cross(middle, flat)))
     along = np.einsum("ij,ij->i", flat, fold)
     side = np.cross(middle, fold)
     beside = np.einsum("ij,ij->i", flat, side)
@@ -266,10 +267,6 @@ def _along(z: Complex) -> complex:
     return complex(np.exp(-0.5j * np.angle(np.sum((z - z.mean()) ** 2))))
 
 
-def _unit(vectors: Floats) -> Floats:
-    return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-300))
-
-
 def _smooth_normals(points: Floats, faces: Ints, topology: Topology) -> Floats:
     """Normals of points, averaged over the neighbours again and again; gaps are not bridged."""
     vector = area_vectors(points, faces)
@@ -279,13 +276,13 @@ def _smooth_normals(points: Floats, faces: Ints, topology: Topology) -> Floats:
         normal[:, d] = np.bincount(corner, np.repeat(vector[:, d], 3), len(points))
     start, around = neighbours(topology.edges, len(points))
     for _ in range(ROUNDS):
-        normal = _unit(_with_neighbours(start, around, normal))
+        normal = normalize(_with_neighbours(start, around, normal))
     return normal
 
 
 def _turned_tangents(points: Floats, topology: Topology, z: Complex, normal: Floats, at: Ints) -> Floats:
     """Tangents at points `at` that lie along x on the page, from the edges around them in space and on the page."""
-    first = _unit(np.cross(normal, np.eye(3)[np.abs(normal).argmin(1)]))
+    first = normalize(np.cross(normal, np.eye(3)[np.abs(normal).argmin(1)]))
     second = np.cross(normal, first)
     row = np.full(len(points), -1)
     row[at] = np.arange(len(at))
@@ -297,7 +294,7 @@ def _turned_tangents(points: Floats, topology: Topology, z: Complex, normal: Flo
         arm = points[there] - points[here]
         seen = np.einsum("ij,ij->i", arm, first[k]) + 1j * np.einsum("ij,ij->i", arm, second[k])
         np.add.at(spin, k, seen * (z[there] - z[here]).conj())
-    spin = np.where(np.abs(spin) > 0, spin / np.maximum(np.abs(spin), 1e-300), 1.0)
+    spin = np.where(np.abs(spin) > 0, spin / np.maximum(np.abs(spin), TINY), 1.0)
     return spin.real[:, None] * first + spin.imag[:, None] * second
 
 

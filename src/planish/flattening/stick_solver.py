@@ -19,6 +19,7 @@ from planish.flattening.overlaps import overlaps
 from planish.flattening.pieces import align_pieces, number_pieces, orient_to_view, pack_pieces
 from planish.flattening.solution import Solution
 from planish.flattening.untangle import untangle
+from planish.geometry.guards import TINY
 from planish.geometry.rigid_fit import fit_rigid
 from planish.mesh import LEAST_HEIGHT, Topology, relative_heights
 from planish.parallel import ParallelFor, thread_pool
@@ -226,7 +227,7 @@ def _folded(xy: Floats, faces: Ints, topology: Topology, rest: Floats) -> NDArra
 
 def _relative(energies: Floats, sticks: Sticks) -> Floats:
     """Root mean square relative error of the sticks, weighted by their lengths squared, for energies of theirs."""
-    square = max(float(np.sum(sticks.weight * sticks.rest * sticks.rest)), 1e-300)
+    square = max(float(np.sum(sticks.weight * sticks.rest * sticks.rest)), TINY)
     return np.sqrt(2 * energies / square)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from planish.geometry.guards import TINY
 from planish.geometry.vectors import dot, minus, row
 from planish.mesh import Topology, bounds
 from planish.parallel import ParallelFor
@@ -101,7 +102,7 @@ def noise_length(off: NDArray[np.float32], edges: Ints, spacing: float) -> float
     a, b = off[some[:, 0]].astype(np.float64), off[some[:, 1]].astype(np.float64)
     limit = OUTLIER * float(np.median(np.abs(a))) + 1e-30
     a, b = np.clip(a, -limit, limit), np.clip(b, -limit, limit)
-    return length_of((a * b).sum() / max(0.5 * (a * a + b * b).sum(), 1e-300), spacing)
+    return length_of((a * b).sum() / max(0.5 * (a * a + b * b).sum(), TINY), spacing)
 
 
 def length_of(alike: float, spacing: float) -> float:

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from planish.geometry.guards import TINY
 from planish.parallel import ParallelFor
 from planish.surface.local_quadrics import SAME_SIDE, SAME_SIDE_OF_STEEP
 from planish.surface.noise import FROM_MEAN, FROM_MEDIAN, local_sigma
@@ -107,7 +108,7 @@ def plan_smoothing(scan: MeasuredScan, buckling: float, parallel_for: ParallelFo
         return CLEAN
     least = scale.height / FROM_MEDIAN
     noise = FROM_MEAN * local_sigma(scan.points, scan.ring_noise, scan.spacing, parallel_for, least)
-    scan.rows[:, NOISE] = np.maximum((noise / max(float(np.median(noise)), 1e-300)) ** 2, LEAST_NOISE)
+    scan.rows[:, NOISE] = np.maximum((noise / max(float(np.median(noise)), TINY)) ** 2, LEAST_NOISE)
     rounds = int(np.clip(ROUNDS_PER_NOISE * np.quantile(noise, NOISIEST) / scan.spacing, FEWEST, MOST))
     return Plan(rounds, 0.0, NOISY_SLACK, move=scale.height > ROUGH * scan.spacing)
 

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from planish.geometry.guards import TINY
 from planish.geometry.vectors import dot, minus, plus, row, tangents, unit
 from planish.parallel import ParallelFor
 from planish.surface.normals import AREA, OneRing, VertexRecords
@@ -148,7 +149,7 @@ def _fit_patch(i, near, count, points, rows, terms, residual, matrix):  # type: 
         residual[q] = dot(step, axis)
         terms[q, 0], terms[q, 1], terms[q, 2] = 1.0, u, v
         spread += u * u + v * v
-    scale = 1.0 / math.sqrt(max(spread / count, 1e-300))
+    scale = 1.0 / math.sqrt(max(spread / count, TINY))
     matrix[:] = 0.0
     for q in range(count):
         u, v = scale * terms[q, 1], scale * terms[q, 2]
@@ -168,7 +169,7 @@ def solve_symmetric(matrix):  # type: ignore[no-untyped-def]
     """Solve a positive definite system, given by its upper half and the right side beside it, in place."""
     n = matrix.shape[0]
     for x in range(n):
-        matrix[x, x] += 1e-9 * (matrix[0, 0] + matrix[x, x]) + 1e-300
+        matrix[x, x] += 1e-9 * (matrix[0, 0] + matrix[x, x]) + TINY
         for y in range(x):
             matrix[x, y] = matrix[y, x]
     for x in range(n):
@@ -191,4 +192,4 @@ def _spread(near, count, place, stamp, mark, residual, ring):  # type: ignore[no
             if stamp[j] == mark and place[j] > q:
                 products, pairs = products + residual[q] * residual[place[j]], pairs + 1
     variance = squares / (count - UNKNOWNS)
-    return math.sqrt(variance), products / max(pairs, 1) / max(squares / count, 1e-300)
+    return math.sqrt(variance), products / max(pairs, 1) / max(squares / count, TINY)

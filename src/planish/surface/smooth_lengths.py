@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from planish.geometry.distances import distances
 from planish.geometry.grid_rows import viewpoint_of_rows
+from planish.geometry.guards import TINY
 from planish.mesh import Topology
 from planish.parallel import ParallelFor, thread_pool
 from planish.surface.arc_lengths import lengths_over, not_below_chords
@@ -195,7 +196,7 @@ def smooth_lengths(points: Floats, faces: Ints, topology: Topology, *, eye: Floa
             off = off + np.einsum("ij,ij->i", original - scan.points, surface.normals).astype(np.float32)
         noise = FROM_MEAN * local_sigma(scan.points, np.abs(off), scan.spacing, parallel_for)
         typical = float(np.median(noise))
-        ratio = np.where(noise < FAINT * scan.spacing, noise / max(typical, 1e-300), np.inf)
+        ratio = np.where(noise < FAINT * scan.spacing, noise / max(typical, TINY), np.inf)
         rest = not_below_chords(rest, moved, surface.normals, scan.edges, ratio, parallel_for)
         length = noise_length(off, topology.edges, scan.spacing)
         turned = flipped_by_noise(moved if tried.move else scan.points, faces, surface.normals, parallel_for)
@@ -325,5 +326,5 @@ def _without_its_noise(
         scan.points, surface.normals, scan.ring, eye - scan.middle, noise / scan.spacing, parallel_for
     )
     gone = np.einsum("ij,ij->i", moved - scan.points, surface.normals)
-    stays = max(1 - float(np.median(gone * gone)) / max(FROM_MEDIAN**-2 * noise**2, 1e-300), 0.0)
+    stays = max(1 - float(np.median(gone * gone)) / max(FROM_MEDIAN**-2 * noise**2, TINY), 0.0)
     return moved, WHITE_LEFT * math.sqrt(stays)

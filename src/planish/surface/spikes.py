@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numba import njit
 
+from planish.geometry.guards import TINY
 from planish.geometry.vectors import dot, minus, plus, row, tangents, times, unit
 from planish.parallel import ParallelFor
 from planish.surface.noise import ring_noise, robust_sigma
@@ -118,7 +119,7 @@ def _compare(first, last, some, points, rows, ring, doubtful, least, feet, axes,
             terms[q, 0], terms[q, 1], terms[q, 2], height[q] = 1.0, u, v, dot(step, axis)
             weight[q] = 0.0 if q == 0 or doubtful[near[q]] else 1.0
             spread += weight[q] * (u * u + v * v)
-        scale = 1.0 / math.sqrt(max(spread / count, 1e-300))
+        scale = 1.0 / math.sqrt(max(spread / count, TINY))
         for q in range(count):
             u, v = scale * terms[q, 1], scale * terms[q, 2]
             terms[q, 1], terms[q, 2], terms[q, 3], terms[q, 4], terms[q, 5] = u, v, u * u, u * v, v * v
