@@ -185,18 +185,8 @@ def _solve(matrix: sparse.spmatrix, right: Floats, active: Bools) -> Floats:
 
 
 def _along_rulings(heights: Floats, active: Bools) -> tuple[sparse.csr_matrix, Floats]:
-    """Second differences [mm] of active nodes along their rulings, as a matrix, and each one's share a.
-
-    The direction of the strongest bend is the first eigenvector of D2^2, averaged over a window; mountains and valleys
-    add up in the square.
-    """
-    uu, vv, uv = np.zeros_like(heights), np.zeros_like(heights), np.zeros_like(heights)
-    uu[:, 1:-1] = heights[:, 2:] - 2 * heights[:, 1:-1] + heights[:, :-2]
-    vv[1:-1] = heights[2:] - 2 * heights[1:-1] + heights[:-2]
-    uv[1:-1, 1:-1] = (heights[2:, 2:] - heights[2:, :-2] - heights[:-2, 2:] + heights[:-2, :-2]) / 4
-    a, b, c = (ndimage.gaussian_filter(m, RULING_CELLS) for m in (uu**2 + uv**2, uv * (uu + vv), vv**2 + uv**2))
-    across = 0.5 * np.arctan2(2 * b, a - c)
-    share = np.hypot(a - c, 2 * b) / (a + c + TINY_SHARE)
+    """Second differences [mm] of active nodes along their rulings, as a matrix, and each one's share a."""
+    across, share = strongest_bends(heights)
     rows, cols = active.shape
     row, col = np.nonzero(active)
     ends = [
@@ -238,3 +228,29 @@ def _second_differences(active: Bools) -> list[sparse.csr_matrix]:
         stencil([-cols, 0, cols], [1, -2, 1]),
         stencil([-cols - 1, -cols + 1, cols - 1, cols + 1], [twist, -twist, -twist, twist]),
     ]
+
+
+def strongest_bends(heights: Floats) -> tuple[Floats, Floats]:
+    """Direction in which a surface bends most, and how much it bends in that direction alone.
+
+    The direction is the first eigenvector of the squared second differences, averaged over a window; mountains and
+    valleys add up in the square.
+
+    Parameters
+    ----------
+    heights : (rows, cols) float64 [mm]
+
+    Returns
+    -------
+    across : (rows, cols) float64 [rad]
+        From the direction of the columns to that of the rows. The ruling is at right angles to it.
+    share : (rows, cols) float64
+        (p - q) / (p + q) for the mean squares p and q of the bends across and along the ruling: 1 on a developable
+        surface.
+    """
+    uu, vv, uv = np.zeros_like(heights), np.zeros_like(heights), np.zeros_like(heights)
+    uu[:, 1:-1] = heights[:, 2:] - 2 * heights[:, 1:-1] + heights[:, :-2]
+    vv[1:-1] = heights[2:] - 2 * heights[1:-1] + heights[:-2]
+    uv[1:-1, 1:-1] = (heights[2:, 2:] - heights[2:, :-2] - heights[:-2, 2:] + heights[:-2, :-2]) / 4
+    a, b, c = (ndimage.gaussian_filter(m, RULING_CELLS) for m in (uu**2 + uv**2, uv * (uu + vv), vv**2 + uv**2))
+    return 0.5 * np.arctan2(2 * b, a - c), np.hypot(a - c, 2 * b) / (a + c + TINY_SHARE)

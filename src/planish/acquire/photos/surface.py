@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
-from planish.acquire.photos.height_field import Grid, fit_heights, interpolation
+from planish.acquire.photos.height_field import Grid, fit_heights, interpolation, strongest_bends
 from planish.acquire.photos.outline import distance_inside
 from planish.acquire.photos.paper import Paper
 from planish.acquire.photos.patch_matching import RADIUS, PhotoStack, match_patches, stack_photos
@@ -81,7 +81,9 @@ of blank paper agree now and then."""
 BEND_WIDTH = 0.015
 """Half of the width over which bends are looked at, in widths of the grid: 6 mm of A4."""
 SHARPEST = 0.98
-"""Of the bridged places, by the angle in which the sheet turns there."""
+"""Of the bridged places, by what may be missing there."""
+STEEPEST_HALF = 1.4
+"""[rad] Half of the sharpest turn that counts: paper folded flat has no width over which it could be told."""
 FINE = 4.0
 """Patches of at most so many pixels a sample measure the sharpest bends."""
 NEAR_POINTS = 4.0
@@ -141,7 +143,8 @@ class SheetSurface:
         """Length [mm] that may be missing across the sharpest bend that was bridged instead of measured.
 
         Across a gap of width w in which the sheet turns by t nothing tells a sharp fold, of length w / cos(t / 2), from
-        an arc, of w (t / 2) / sin(t / 2).
+        an arc, of w (t / 2) / sin(t / 2). A straight ruling, that ends in what was measured, does; so the difference
+        counts as far as the surface bends along its rulings too, in parts of its bend across them.
         """
         nodes, step = self.grid.to_space(self.heights), max(1, round(BEND_WIDTH * self.grid.shape_rc[1]))
         fine = self.measured.points[self.measured.reach <= self.pixel_mm * RADIUS * FINE]
@@ -155,8 +158,11 @@ class SheetSurface:
         down = np.arccos(np.clip((normals[2 * step :] * normals[: -2 * step]).sum(axis=2), -1, 1))
         turn[:, step:-step] = across
         turn[step:-step] = np.maximum(turn[step:-step], down)
-        half = max(float(np.quantile(turn[bridged], SHARPEST)) / 2, 1e-6)
-        return 2 * step * self.grid.spacing * float(1 / np.cos(half) - half / np.sin(half))
+        half = np.clip(turn[bridged] / 2, 1e-6, STEEPEST_HALF)
+        share = strongest_bends(self.heights)[1][bridged]
+        along = np.sqrt((1 - share) / (1 + share))
+        missing = 2 * step * self.grid.spacing * (1 / np.cos(half) - half / np.sin(half)) * along
+        return float(np.quantile(missing, SHARPEST))
 
 
 def find_surface(
