@@ -34,9 +34,9 @@ along an epipolar line."""
 NEAR_CELLS = 3.0
 """Places of the sheet are measured if something was, so near to them."""
 WARNED_MM = 0.25
-"""Length that may be missing at sharp bends from which a user is warned. Letters folded in three have 0.04, an open book
-with a gutter of 118 degrees 0.1, a Miura fold 0.27, a crumpled sheet 0.37; their pages are 0.1, 0.2, 0.7 and 1.4 mm
-off."""
+"""Length that may be missing at sharp bends from which a user is warned. Letters folded in three have 0.04, an open
+book with a gutter of 118 degrees 0.1, a Miura fold 0.27, a crumpled sheet 0.37; their pages are 0.1, 0.2, 0.7 and
+1.4 mm off."""
 PAPER_ERROR = 5e-4
 """Of the size from a paper's format: sheets are cut to a tenth of a millimetre or two."""
 
