@@ -306,6 +306,8 @@ def _onto_own_sides(
     """
     folds = points_at_folds(surface.normals, scan.ring, parallel_for, RINGS_ROUNDED)
     directions = surface.normals.astype(np.float64) if eye is None else _rays(scan, eye)
+    towards = np.einsum("ij,ij->i", surface.normals[folds], directions[folds])
+    folds = folds[np.abs(towards) > GRAZING]
     radius = RADIUS_AT_FOLDS * scan.spacing
     fitted = onto_quadrics(scan.points, surface.normals, directions, scan.ring, radius, parallel_for, SAME_SIDE, folds)
     moved = moved.copy()
