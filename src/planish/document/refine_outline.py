@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from planish.document.rim import largest_region
 from planish.types import Bools, Floats
 
 FINE_PX = 1600
@@ -19,13 +20,12 @@ NEAR = 8.0
 print at the rim is taken for the paper's level; doubled, shade that falls quickly is."""
 
 
-def refine_outline(grey: NDArray[np.uint8], inside: Bools, paper: NDArray[np.uint8]) -> Bools:
+def refine_outline(photo: NDArray[np.uint8], inside: Bools, paper: NDArray[np.uint8]) -> Bools:
     """Put the outline where the brightness is halfway between the paper within and the ground beyond it.
 
     Parameters
     ----------
-    grey : (rows, cols) uint8
-        The photo.
+    photo : (rows, cols, 3) uint8
     inside : (h, w) bool
         The sheet on a small picture.
     paper : (h, w) uint8
@@ -37,21 +37,21 @@ def refine_outline(grey: NDArray[np.uint8], inside: Bools, paper: NDArray[np.uin
 
     Examples
     --------
-    >>> photo = np.full((300, 400), 40, np.uint8)
+    >>> photo = np.full((300, 400, 3), 40, np.uint8)
     >>> photo[:, :203] = 220
     >>> coarse = np.zeros((75, 100), bool)
     >>> coarse[:, :49] = True  # up to 196
-    >>> refine_outline(photo, coarse, photo[::4, ::4]).sum(axis=1)[150]
+    >>> refine_outline(photo, coarse, photo[::4, ::4, 0]).sum(axis=1)[150]
     np.int64(203)
     """
-    rows, cols = grey.shape
+    rows, cols = photo.shape[:2]
     scale = min(1.0, FINE_PX / max(rows, cols))
     size = max(2, round(cols * scale)), max(2, round(rows * scale))
-    fine = cv2.resize(grey, size, interpolation=cv2.INTER_AREA).astype(np.float32)
+    fine = cv2.resize(photo, size, interpolation=cv2.INTER_AREA).max(axis=2).astype(np.float32)
     kernel = np.ones((2 * BAND + 1, 2 * BAND + 1), np.uint8)
     within = cv2.erode(inside.astype(np.uint8), kernel, borderType=cv2.BORDER_REPLICATE) > 0
     beyond = cv2.dilate(inside.astype(np.uint8), kernel) == 0
-    ground = cv2.resize(grey, inside.shape[::-1], interpolation=cv2.INTER_AREA)
+    ground = cv2.resize(photo, inside.shape[::-1], interpolation=cv2.INTER_AREA).max(axis=2)
     levels = [_average(values.astype(np.float32), where) for values, where in ((paper, within), (ground, beyond))]
     halfway, contrast = (cv2.resize(v, size, interpolation=cv2.INTER_LINEAR) for v in _halfway(*levels))
     sure, near, coarse = (
@@ -59,6 +59,8 @@ def refine_outline(grey: NDArray[np.uint8], inside: Bools, paper: NDArray[np.uin
     )
     paper_part = np.clip(0.5 + (fine - halfway) / np.maximum(contrast, 1), 0, 1)  # of a pixel that the outline crosses
     part = np.where(contrast > 0, np.maximum(sure > 0.5, (near > 0.5) * paper_part), coarse)
+    sheet = largest_region(part > 0.5)
+    part = np.where(sheet, np.maximum(part, 0.51), np.where(part > 0.5, 0, part))  # without holes and specks
     return cv2.resize(part.astype(np.float32), (cols, rows), interpolation=cv2.INTER_LINEAR) > 0.5
 
 

@@ -109,6 +109,16 @@ def rim_drops(bright: Floats, mask: Bools, seen: Bools) -> Floats:
     return np.asarray((within - beyond)[counts] / max(contrast, 1e-9))
 
 
+def largest_region(mask: Bools) -> Bools:
+    """The largest connected region, holes filled."""
+    _, label, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8))
+    if len(stats) < 2:
+        return np.zeros_like(mask)
+    region = (label == 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA]))).astype(np.uint8)
+    outlines = cv2.findContours(region, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]
+    return np.asarray(cv2.drawContours(region, outlines, -1, 1, cv2.FILLED).astype(bool))
+
+
 def sticking_out(mask: Bools) -> float:
     """Part of a region that sticks out of the rest in one narrow piece, as a hand does that holds a sheet.
 

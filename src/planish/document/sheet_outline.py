@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from planish.color import to_uint8
 from planish.document.refine_outline import refine_outline
-from planish.document.rim import at_places, rim_drops, share_around, with_margin
+from planish.document.rim import at_places, largest_region, rim_drops, share_around, with_margin
 from planish.errors import InputError
 from planish.types import Bools, Diagnostic, Floats, Pixels
 
@@ -71,7 +71,7 @@ def sheet_mask(
     places : (k, 2) float64 [px], optional
         Of all that was scanned, on the photo. By default all of the photo was.
     whole : bool
-        See `find_sheet`.
+        Up to the outline itself, as the photo shows it. By default a rim is left out; see `find_sheet`.
 
     Raises
     ------
@@ -81,7 +81,8 @@ def sheet_mask(
     if mask is None:
         return None, []
     if isinstance(mask, str):
-        return _trusted(photo, find_sheet(photo, whole=whole), places)
+        found, warnings = _trusted(photo, find_sheet(photo, whole=whole), places)
+        return (refined_sheet(photo) if whole and found is not None else found), warnings
     if mask.shape != photo.shape[:2]:
         raise InputError(
             f"the mask is {mask.shape[1]} x {mask.shape[0]} pixels, the photo {photo.shape[1]} x {photo.shape[0]}; "
@@ -189,11 +190,17 @@ def find_sheet(photo: Pixels, *, whole: bool = False, contrast: float = MIN_CONT
         return None
     if np.median(bright[inside]) < contrast * max(float(np.median(bright[~inside])), 1.0):
         return None
-    if whole:
-        return largest_region(refine_outline(to_uint8(photo).max(axis=2), inside, bright))
     mask = cv2.resize(inside.astype(np.uint8) * 255, (cols, rows), interpolation=cv2.INTER_LINEAR)
+    if whole:
+        return np.asarray(mask > 127)
     border = 1 + 2 * int(np.ceil(0.5 / scale))  # half a small pixel is how far the outline may be off
     return np.asarray(cv2.erode(mask, np.ones((border, border), np.uint8)) > 127)
+
+
+def refined_sheet(photo: Pixels) -> Bools:
+    """The sheet that `find_sheet` finds, (rows, cols) bool, its outline put where the photo itself shows it."""
+    bright, inside, _ = _bright_region(photo)
+    return refine_outline(to_uint8(photo), inside, bright)
 
 
 def whiteness(photo: Pixels) -> NDArray[np.uint8]:
@@ -257,13 +264,3 @@ def _without_print(grey: NDArray[np.uint8], part: float) -> NDArray[np.uint8]:
 
 def _log_levels(grey: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return (np.log1p(grey.astype(np.float32)) * (255 / np.log(256))).astype(np.uint8)
-
-
-def largest_region(mask: Bools) -> Bools:
-    """The largest connected region, holes filled."""
-    _, label, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8))
-    if len(stats) < 2:
-        return np.zeros_like(mask)
-    region = (label == 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA]))).astype(np.uint8)
-    outlines = cv2.findContours(region, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]
-    return np.asarray(cv2.drawContours(region, outlines, -1, 1, cv2.FILLED).astype(bool))

@@ -17,6 +17,7 @@ from planish.document.sheet_outline import (
     ends_in_an_edge,
     find_sheet,
     is_even,
+    refined_sheet,
     whiteness,
 )
 from planish.document.top_view import picture, top_view
@@ -126,6 +127,7 @@ def _by_colour(scan: Scan, shown: _Picture | None) -> tuple[Scan, list[Diagnosti
         sentence = f"{100 * share:.0f} % of the scan may be ground around the sheet, {which}; all of it was kept"
         hint = _by_mask(scan, "the sheet", "if that is so")
         return scan, [Diagnostic("surroundings-doubtful", sentence, hint)]
+    mask = refined_sheet(shown.pixels)
     alone, hand = without_hands(shown.pixels, mask, places, scan.mesh)
     if hand:
         near = with_margin(alone)

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planish.color import linear_light
-from planish.document.sheet_outline import find_sheet, largest_region
+from planish.document.rim import largest_region
+from planish.document.sheet_outline import find_sheet
 from planish.geometry.guards import TINY_SHARE
 from planish.types import Bools, Pixels
 
