@@ -16,8 +16,8 @@ BAND = 2
 """The outline moves by at most so many pixels of the small picture, twice what resizing may shift it by."""
 
 NEAR = 8.0
-"""Standard deviation of the window over which the levels of paper and ground are averaged [small px]: 4 mm. Halved,
-print at the rim is taken for the paper's level; doubled, shade that falls quickly is."""
+"""Standard deviation of the window over which the levels of paper and ground are averaged [small px]: 4 mm, wider than
+a line of print, narrower than shade."""
 
 
 def refine_outline(photo: NDArray[np.uint8], inside: Bools, paper: NDArray[np.uint8]) -> Bools:
