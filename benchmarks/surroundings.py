@@ -222,7 +222,7 @@ def main() -> None:
                     if asked.keep:
                         asked.keep.mkdir(parents=True, exist_ok=True)
                         write_page(asked.keep / f"{name}-{scene}-{form}.png".replace(" ", "-"), done.page)
-                told = ", ".join(w.code for w in done.prepared.warnings if "surroundings" in w.code)
+                told = ", ".join(w.code for w in done.prepared.warnings)
                 cells = name, scene, form, ", ".join(f"{o:+.2f}" for o in off), missing, told
                 print("| " + " | ".join(cells) + " |", flush=True)
 

@@ -19,8 +19,8 @@ MIN_FACE = 0.05
 nothing changes on four scenes."""
 
 MIN_FLAT = 0.7
-"""Part of the area that must lie in such faces: 0.94 to 0.98 on four scenes. The rest are edges, noise, and things on the
-box."""
+"""Part of the area that must lie in such faces: 0.94 to 0.98 on four scenes. The rest are edges, noise, and what lies
+on the box."""
 
 MOST_FACES = 6
 """Of two boxes, three each."""
