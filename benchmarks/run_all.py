@@ -164,7 +164,8 @@ def main() -> None:
         said = subprocess.run([sys.executable, *command], capture_output=True, text=True, check=True)
         shown = " ".join(["python", f"benchmarks/{name}.py", *flags])
         kept[name] = f"## {title}\n\n{prose}\n\n    {shown}\n\n{said.stdout.strip()}\n\n"
-    PAGE.write_text(HEAD + "".join(f"\n<!-- {n} -->\n{kept[n].rstrip()}\n" for n in SECTIONS if n in kept))
+    order = [*(name for name in SECTIONS if name in kept), *(name for name in kept if name not in SECTIONS)]
+    PAGE.write_text(HEAD + "".join(f"\n<!-- {name} -->\n{kept[name].rstrip()}\n" for name in order))
 
 
 if __name__ == "__main__":

@@ -30,8 +30,8 @@ NEAR = 0.03
 nothing changes."""
 
 RAISED = 0.15
-"""Median height above the paper around it, in roots of its area there: fingers have 0.22 to 0.5, flat print has none,
-and on a page bent to a radius of 60 mm a picture as wide has 0.08. Halved or doubled, nothing changes."""
+"""Median height above the paper around it, in roots of its area there: a thumb has 0.2, flat print has none. Halved or
+doubled, nothing changes."""
 
 SMALL = 0.015
 """Part of the sheet up to which a thing need not stick out of it, 9 cm2 of a letter: a finger's tip whose hand is too

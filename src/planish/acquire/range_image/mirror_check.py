@@ -9,8 +9,7 @@ from planish.types import Bools, Diagnostic, Floats
 
 MIN_STEPS = 0.3
 """Part of the mirrored outline that must run along steps of the depth, where it is apart from the outline: a book page
-has steps on 0.7 to 0.8 of it, the wrong way round on 0 to 0.2. Halved or doubled, nothing changes on
-four captures."""
+has steps on 0.7 to 0.8 of it, the wrong way round on 0 to 0.2 (four captures)."""
 
 TIMES = 2.0
 """So many times the part of the outline itself that does. At 1, either would be told where neither fits."""
