@@ -5,8 +5,9 @@ from hypothesis import strategies as st
 from scipy import sparse
 
 from planish.errors import UsageError
-from planish.gallery import OUTLINES, sheet, sheet_mesh
+from planish.gallery import OUTLINES, NoiseSpec, sheet, sheet_mesh
 from planish.gallery.meshes import SCANNER_MM
+from planish.gallery.noise import noise_at
 from planish.mesh import grid_faces, topology, without_small_components
 
 LAYOUTS = ("range", "grid", "delaunay")
@@ -158,3 +159,9 @@ def test_crumbs_go_and_large_pieces_stay():
     used, faces = without_small_components(two, 810)
     np.testing.assert_array_equal(used, np.arange(800))
     np.testing.assert_array_equal(faces, two[:-2])
+
+
+def test_nothing_of_a_sheet_has_no_noise():
+    none = np.zeros((0, 2))
+    noise = NoiseSpec(white_mm=0.1, correlated_mm=0.1, ripple_mm=0.1, spikes=0.1)
+    assert noise_at(none.astype(np.int64), none, noise, np.random.default_rng(0), 3).shape == (0, 3)

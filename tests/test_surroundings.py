@@ -9,6 +9,7 @@ import pytest
 
 import planish
 from planish.cli.main import run
+from planish.document.raised import raised_sheet
 from planish.document.surroundings import leave_out_surroundings
 from planish.errors import InputError
 from planish.gallery import sheet, sheet_mesh
@@ -18,7 +19,7 @@ from planish.job.from_report import inputs_from_report
 from planish.job.html_page import make_html
 from planish.pipeline import prepare
 from planish.settings import BinarizeSettings, RenderSettings, RestoreSettings, ShadingSettings
-from planish.types import Scan
+from planish.types import Mesh, Scan
 from scenes import FINE, as_colours, as_textures, seen, without_photo
 
 QUICK = RestoreSettings(
@@ -259,3 +260,11 @@ def test_a_restoration_with_a_mask_can_be_looked_at_again(tmp_path):
     assert inputs.photo == (tmp_path / "s.jpg",)
     again = make_html(inputs, tmp_path / "view.html").report
     assert (again.page.width_mm, again.page.height_mm) == pytest.approx(inputs.size_mm, abs=0.01)
+
+
+@pytest.mark.parametrize("points", [np.zeros((0, 3)), np.full((3, 3), np.nan)])
+def test_nothing_to_see_is_refused_in_a_sentence(points):
+    faces = np.arange(len(points), dtype=np.int32).reshape(-1, 3)
+    assert raised_sheet(Scan(Mesh(points, faces))) is None
+    with pytest.raises(InputError):
+        planish.restore(Scan(Mesh(points, faces)))

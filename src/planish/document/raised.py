@@ -103,6 +103,8 @@ def raised_sheet(scan: Scan) -> Raised | None:
     pass for plain. None where there is no such thing.
     """
     points = np.where(np.isfinite(scan.mesh.points), scan.mesh.points, np.nan)
+    if not (len(scan.mesh.faces) and np.isfinite(points).all(axis=1).any()):
+        return None
     plane = dominant_plane(points[scan.mesh.faces[:, 0]], NEAR_PLANE * _extent(points))
     if plane is None:
         return None

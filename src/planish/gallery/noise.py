@@ -95,6 +95,8 @@ def noise_at(
     0.2
     """
     error = np.zeros((len(place), axes))
+    if not len(place):  # holes and cuts may leave nothing of a sheet
+        return error
     if noise.white_mm not in (0, (0, 0)):
         error += rng.standard_normal(error.shape) * _at(noise.white_mm, place)
     if noise.correlated_mm not in (0, (0, 0)):
