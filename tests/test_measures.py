@@ -1,6 +1,8 @@
 import numpy as np
 import pytest
 
+import planish
+from planish.gallery import sheet, sheet_mesh
 from planish.mesh import topology
 from planish.report import flipped_faces, stretch
 from planish.sticks import strain
@@ -49,3 +51,12 @@ def test_a_bent_sheet_unrolled_has_stretch_one():
     uv, faces = grid(120, 90)
     l2, linf = stretch(arch(uv), faces, uv * [1, -1])
     assert (l2, linf) == pytest.approx((1, 1), abs=1e-4)  # chords of 2.2 mm on a radius of 60: 6e-5
+
+
+def test_faces_thinner_than_noise_may_lie_either_way_up():
+    """A grid of noisy needles: what noise turns over is told only where noise is not known."""
+    mesh, _ = sheet_mesh(sheet("book"), 8000, layout="delaunay", noise_mm=0.15, rng=1)
+    laid = planish.flatten(mesh)
+    flips = flipped_faces(mesh.faces, laid.page_xy, mesh.points)
+    assert flips > 10
+    assert flipped_faces(mesh.faces, laid.page_xy, mesh.points, 4 * 0.15) < flips / 10

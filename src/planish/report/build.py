@@ -30,6 +30,10 @@ from planish.version import __version__
 
 STRETCHED = 0.01
 """Paper stretches by some tenths of a percent. What is farther from its lengths is no sheet there, or badly scanned."""
+THIN = 4.0
+"""Faces less high than so many times the noise may lie either way up: of a random mesh of 200,000 faces of 0.8 mm with
+0.05 mm of noise 484 lie on their back, 204 of them higher than the noise, 60 than twice, 7 than three times, none than
+four times as much."""
 
 
 def build_report(
@@ -64,8 +68,11 @@ def build_report(
     """
     mesh, edges = prepared.scan.mesh, prepared.topology.edges
     l2, linf = stretch(mesh.points, mesh.faces, flat.page_xy)
-    flipped = flipped_faces(mesh.faces, flat.page_xy, mesh.points)
     lengths = distances(mesh.points, edges)
+    thin = THIN * (flat.noise_mm or 0.0)
+    if thin > np.median(lengths) / 2:  # the mesh is finer than its noise: no face would count
+        thin = 0.0
+    flipped = flipped_faces(mesh.faces, flat.page_xy, mesh.points, thin)
     lengths[~edges_with_area(lengths, prepared.topology.face_edges)] = 0.0
     found = [*prepared.warnings, *flat.warnings, *warnings]
     if flipped:

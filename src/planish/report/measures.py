@@ -38,7 +38,7 @@ def _stretch(points, faces, page_xy):  # type: ignore[no-untyped-def]
     for f in range(len(faces)):
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
         twice = 2.0 * _signed_area(page_xy, faces, f)
-        if abs(twice) <= 1e-6 * mean_area or not _has_area(points, faces, f):
+        if abs(twice) <= 1e-6 * mean_area or not _has_area(points, faces, f, 0.0):
             continue
         xx, xy, yy = 0.0, 0.0, 0.0  # products of the surface's partial derivatives along page x and y
         for k in range(3):
@@ -53,7 +53,7 @@ def _stretch(points, faces, page_xy):  # type: ignore[no-untyped-def]
     return (np.sqrt(total / surface), greatest) if surface > 0.0 else (np.inf, np.inf)
 
 
-def flipped_faces(faces: Ints, page_xy: Floats, points: Floats | None = None) -> int:
+def flipped_faces(faces: Ints, page_xy: Floats, points: Floats | None = None, thin_mm: float = 0.0) -> int:
     """Count faces that lie on the page with their back up (or without area).
 
     Parameters
@@ -62,6 +62,8 @@ def flipped_faces(faces: Ints, page_xy: Floats, points: Floats | None = None) ->
     page_xy : (n, 2) float64 [mm]
     points : (n, 3) float64 [mm], optional
         Of the surface. Faces without area there (`planish.mesh.LEAST_HEIGHT`) may lie either way up and do not count.
+    thin_mm : float
+        Nor do faces that are less high there over their longest side, as noise may have turned them.
 
     Examples
     --------
@@ -72,28 +74,29 @@ def flipped_faces(faces: Ints, page_xy: Floats, points: Floats | None = None) ->
     >>> flipped_faces(faces, page), flipped_faces(faces, page, points)
     (2, 1)
     """
-    return int(_flipped(faces, page_xy, np.zeros((0, 3)) if points is None else points))
+    return int(_flipped(faces, page_xy, np.zeros((0, 3)) if points is None else points, thin_mm))
 
 
 @njit(cache=True)
-def _flipped(faces, page_xy, points):  # type: ignore[no-untyped-def]
+def _flipped(faces, page_xy, points, thin_mm):  # type: ignore[no-untyped-def]
     count = 0
     for f in range(len(faces)):
         back_up = _signed_area(page_xy, faces, f) >= 0.0  # negative shows the printed side, as y runs down
-        if back_up and (len(points) == 0 or _has_area(points, faces, f)):
+        if back_up and (len(points) == 0 or _has_area(points, faces, f, thin_mm)):
             count += 1
     return count
 
 
 @njit(cache=True)
-def _has_area(points, faces, f):  # type: ignore[no-untyped-def]
+def _has_area(points, faces, f, thin_mm):  # type: ignore[no-untyped-def]
     a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
     ab, bc, ca = 0.0, 0.0, 0.0
     for k in range(3):
         ab += (points[b, k] - points[a, k]) ** 2
         bc += (points[c, k] - points[b, k]) ** 2
         ca += (points[a, k] - points[c, k]) ** 2
-    return relative_height(np.sqrt(ab), np.sqrt(bc), np.sqrt(ca)) >= LEAST_HEIGHT
+    height = relative_height(np.sqrt(ab), np.sqrt(bc), np.sqrt(ca))
+    return height >= LEAST_HEIGHT and height * np.sqrt(max(ab, bc, ca)) >= thin_mm
 
 
 @njit(cache=True)
