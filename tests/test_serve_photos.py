@@ -22,12 +22,12 @@ CARD_MM = 25.0
 
 @pytest.fixture(scope="module")
 def photos(tmp_path_factory):
-    """Six small photos of a small folded letter, and one of something else."""
+    """Five small photos of a small folded letter, and one of something else."""
     folder = tmp_path_factory.mktemp("photos")
     bent = sheet("letter", width_mm=105, height_mm=148)
     page, _ = typeset_page(105, 148, 300, point_size=8)
     size = {"photo_px": (1200, 900), "distance_mm": 250.0, "card_mm": CARD_MM}
-    shoot = photo_shoot(bent, page, 6, rng=2, other_subjects=1, **size)
+    shoot = photo_shoot(bent, page, 5, rng=2, other_subjects=1, **size)
     paths = [folder / f"IMG_{k}.jpg" for k in range(len(shoot.photos))]
     for path, photo in zip(paths, shoot.photos, strict=True):
         path.write_bytes(phone_jpeg(photo))
@@ -57,7 +57,7 @@ def test_photos_become_a_page_of_true_size(server, photos, tmp_path):
     files = {file["name"]: server.client.get(file["href"]).content for file in told[-1]["files"]}
     assert {"page.png", "page-bw.png", "report.json", "view.html", "preview.jpg"} <= set(files)
     report = json.loads(files["report.json"])
-    assert report["photos"]["used"] == 6
+    assert report["photos"]["used"] == 5
     assert report["photos"]["scale"] == "marker"
     sides = report["page"]["width_mm"], report["page"]["height_mm"]
     assert sides == pytest.approx((105, 148), rel=0.01)  # 1 MP: a pixel is 0.2 mm, and each border is a pixel unsure

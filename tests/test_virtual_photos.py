@@ -43,8 +43,8 @@ def test_photos_and_their_cameras(tmp_path, monkeypatch):
 
 @pytest.mark.slow
 def test_the_demo_of_photos(tmp_path, monkeypatch, capsys):
-    """With seven photos of 2 megapixels instead of ten of 7, for it to be done in a minute."""
-    monkeypatch.setattr(virtual_photos, "COUNT", 7)
+    """With five photos of 2 megapixels instead of ten of 7, for it to be done in a minute."""
+    monkeypatch.setattr(virtual_photos, "COUNT", 5)
     monkeypatch.setattr(import_module("planish.gallery.photo_shoot"), "PHOTO_PX", virtual_photos.SMALL_PX)
     assert run(["demo", "photos", "-o", str(tmp_path)]) == 0
     assert "215.9 x 279.4 mm" in capsys.readouterr().out
@@ -52,6 +52,6 @@ def test_the_demo_of_photos(tmp_path, monkeypatch, capsys):
         path.name for path in tmp_path.iterdir()
     }
     report = json.loads((tmp_path / "report.json").read_text())
-    assert report["photos"]["used"] == 7
+    assert report["photos"]["used"] == 5
     assert report["page"]["width_mm"] == pytest.approx(215.9, rel=0.01)  # borders are good to a millimetre at 2 MP
     assert report["page"]["height_mm"] == pytest.approx(279.4, rel=0.01)
