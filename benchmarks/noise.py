@@ -50,7 +50,7 @@ KINDS: dict[str, NoiseSpec] = {
 
 FLAT_PIECES = {
     "cases/relief-steps/crop_20_0_8.obj": (16.0, 16.0),
-    "cases/relief-steps/crop_-60_10_15.obj": (13.6, 30.5),
+    "cases/relief-steps/crop_-60_10_15.obj": (13.6, 30.6),
     "cases/depth-one-frame/whole-mm-plane.obj": (38.94, 38.94),
     "cases/scan-waves/plane.obj": (39.0, 59.0),
     "cases/scan-waves/board-crop.obj": (36.4, 36.4),
