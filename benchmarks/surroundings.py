@@ -201,7 +201,7 @@ def main() -> None:
     parser.add_argument("--keep", type=Path)
     asked = parser.parse_args()
     print(machine(), "\n")
-    print("| sheet | scene | form | size off, % | words missing more than bare, % | told |")
+    print("| sheet | scene | form | size off, % | words missing more than bare, % | warnings |")
     print("|---|---|---|---|---|---|")
     for name in asked.sheets:
         made = sheet(name)
@@ -222,8 +222,8 @@ def main() -> None:
                     if asked.keep:
                         asked.keep.mkdir(parents=True, exist_ok=True)
                         write_page(asked.keep / f"{name}-{scene}-{form}.png".replace(" ", "-"), done.page)
-                told = ", ".join(w.code for w in done.prepared.warnings)
-                cells = name, scene, form, ", ".join(f"{o:+.2f}" for o in off), missing, told
+                codes = ", ".join(w.code for w in done.prepared.warnings)
+                cells = name, scene, form, ", ".join(f"{o:+.2f}" for o in off), missing, codes
                 print("| " + " | ".join(cells) + " |", flush=True)
 
 

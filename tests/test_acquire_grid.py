@@ -374,8 +374,8 @@ def test_a_photo_with_its_camera_is_drawn_instead_of_the_points_colours(bowl, tm
     assert "give the photo with --photo" in capfd.readouterr().err
 
 
-@pytest.mark.parametrize(("sigma", "told"), [(0.0, False), (0.1, False), (0.5, True)])
-def test_the_noise_is_told_and_too_much_of_it_reported(sigma, told):
+@pytest.mark.parametrize(("sigma", "warned"), [(0.0, False), (0.1, False), (0.5, True)])
+def test_noise_is_reported_and_too_much_of_it_warned_of(sigma, warned):
     x, y = np.meshgrid(np.arange(120.0) - 60, np.arange(90.0) - 45)
     z = 400 + 10 * np.sin(x / 20) + sigma * np.random.default_rng(0).standard_normal(x.shape)
     acquired = from_grid(np.stack([x * z / 400, y * z / 400, z], axis=-1), None)
@@ -384,4 +384,4 @@ def test_the_noise_is_told_and_too_much_of_it_reported(sigma, told):
         assert 0.3 < acquired.noise_length_mm < 1.0  # white: half a pixel
     else:
         assert acquired.noise_length_mm is None
-    assert ("scan-noisy" in {warning.code for warning in acquired.warnings}) == told
+    assert ("scan-noisy" in {warning.code for warning in acquired.warnings}) == warned

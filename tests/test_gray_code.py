@@ -95,15 +95,15 @@ def test_the_book_page_is_true_to_a_twentieth_of_a_millimetre(rig, capture, trut
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("most", "told"), [(0.01, True), (0.25, False)])
-def test_the_noise_of_the_surface_is_told(rig, capture, monkeypatch, most, told):
+@pytest.mark.parametrize(("most", "warned"), [(0.01, True), (0.25, False)])
+def test_the_noise_of_the_surface_is_reported(rig, capture, monkeypatch, most, warned):
     """0.016 mm at half a millimetre between points; and what to do where that counts as too much."""
     monkeypatch.setattr("planish.acquire.scan_quality.NOISY", most)
     made = from_gray_code(capture.frames, *rig, capture.photo)
     assert 0.008 < made.noise_mm < 0.03
     assert 0.2 < made.noise_length_mm < 2.0
     hints = [warning.hint for warning in made.warnings if warning.code == "scan-noisy"]
-    assert len(hints) == told
+    assert len(hints) == warned
     assert all("phase_steps" in hint for hint in hints)
 
 

@@ -69,7 +69,7 @@ def leave_out_surroundings(scan: Scan) -> tuple[Scan, list[Diagnostic]]:
     The photo tells paper from ground (`find_sheet`), or, where the images are no view of the scene, the colours seen
     straight from above; the ground must lie all around the sheet, and in one plane from which the sheet rises. Where
     colours tell nothing, what stands out of a plane with steps all around is the sheet (`raised_sheet`). Where that is
-    not plain either, but something stands out, a shadow may lie across sheet and table: then white is told from
+    not plain either, but something stands out, a shadow may lie across sheet and table: then white is separated from
     coloured ground, which no shadow changes. Anything less plain is kept: a sheet alone loses no point.
 
     Parameters
@@ -151,8 +151,8 @@ def _by_shape(scan: Scan) -> tuple[Scan, list[Diagnostic]]:
     if side is not None:
         cut = with_faces(scan, side)
         sentence = "the scan shows a box on a table; the page is its largest flat face"
-        told = Diagnostic("box-face", sentence, _by_mask(scan, "another face", "to get that"))
-        return cut, [told, _left_out(scan, cut)]
+        first = Diagnostic("box-face", sentence, _by_mask(scan, "another face", "to get that"))
+        return cut, [first, _left_out(scan, cut)]
     view, mask = raised.view, raised.mask
     pixels = picture(scan, view)
     alone, hand = (mask, 0.0) if pixels is None else without_hands(pixels, mask, view.places, scan.mesh)

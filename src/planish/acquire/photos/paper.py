@@ -29,8 +29,8 @@ NOTCH_PX = 1600
 NEARBY = 0.1
 """Paper and ground are averaged so far around, in parts of its long side: a card beside the sheet is no wider."""
 COLORED = 0.06
-"""Ground is told from print by its colour if their shares of red, green and blue differ by so much; wood has 0.1 to 0.2
-of paper."""
+"""Ground is distinguished from print by its colour if its shares of red, green and blue differ from the paper's by so
+much, in linear light; browns of wood such as (120, 85, 55) differ by 0.3 to 0.5."""
 LIKE_GROUND = 0.4, 1.5
 """Otherwise a notch is at least and at most so bright, in parts of the ground nearby: in the shade of the sheet, and no
 black print."""
@@ -113,6 +113,7 @@ def _with_notches(found: Bools, photo: Pixels) -> Bools:
     paper = _mean_color(small, (within > 0) & (light > 0.5 * brightest), reach)
     ground = _mean_color(small, within == 0, reach)
     ground_light = cv2.cvtColor(ground, cv2.COLOR_RGB2GRAY)
+    # halfway between paper and ground on a scale of logarithms, as paper in half shade is paper
     dark = (ground_light > 0) & (light < np.sqrt(ground_light * cv2.cvtColor(paper, cv2.COLOR_RGB2GRAY)))
     as_bright = (light > LIKE_GROUND[0] * ground_light) & (light < LIKE_GROUND[1] * ground_light)
     nearer = _color_distance(small, ground) < _color_distance(small, paper)
