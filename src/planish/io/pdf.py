@@ -60,6 +60,8 @@ def pdf_bytes(
         _describe(pdf, origin, pdfa)
         if pdfa:
             _define_colours(pdf)
+        if "/ID" in pdf.trailer:
+            del pdf.trailer["/ID"]  # img2pdf's depends on the time of day with pikepdf 10; the saving makes its own
         file = io.BytesIO()
         pdf.save(file, deterministic_id=True, min_version="1.7" if pdfa else "")
     return file.getvalue()
