@@ -80,6 +80,35 @@ def test_where_letters_tell_little_what_was_told_counts():
     assert detect_orientation(turned(printed(), 180), prior=0.5)[0] == 180  # letters in mixed case are surer than that
 
 
+def test_letters_larger_than_usual_on_grainy_paper_are_read():
+    page = printed()
+    grain = np.random.default_rng(0).normal(0, 12, page.pixels.shape)
+    enlarged = Page(np.clip(0.6 * page.pixels + grain, 0, 255).astype(np.uint8), page.known, 75.0)  # twice as large
+    assert detect_orientation(turned(enlarged, 180))[0] == 180
+    assert detect_orientation(enlarged, prior=-1.0)[0] == 0
+
+
+def ruled_paper():
+    """A few words above faint rules, beneath each of which the paper is a trace darker."""
+    page = np.full((1000, 800), 230.0)
+    for row in range(150, 980, 40):
+        page[row : row + 3] = 190
+        page[row + 8 : row + 24] -= 6 * np.sin(np.pi * np.arange(0.5, 16) / 16)[:, None]
+    page[60:110, 40:140] = printed().pixels[150:200, 100:200, 0] * 0.9
+    return np.repeat(page[..., None], 3, axis=2)
+
+
+def test_the_rules_of_ruled_paper_say_nothing():
+    for way_round in (ruled_paper(), ruled_paper()[::-1, ::-1]):
+        assert detect_orientation(page_of(way_round)) == (0, 0.0)
+
+
+def test_columns_stay_upright_where_the_prior_is_surer_than_the_letters():
+    capitals = typeset_page(148, 210, dpi=150, title=None, story=tuple(p.upper() for p in STORY), table=False)[0]
+    assert detect_orientation(turned(capitals, 90), prior=1.3)[0] == 0
+    assert detect_orientation(turned(printed(), 90), prior=1.3)[0] == 270  # letters in mixed case are surer than that
+
+
 def test_capitals_have_lines_but_no_certain_way_up():
     page = typeset_page(148, 210, dpi=150, title=None, story=tuple(p.upper() for p in STORY), table=False)[0]
     for way in (0, 180):

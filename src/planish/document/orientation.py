@@ -41,6 +41,9 @@ COLUMN_MM = 20.0
 """Lines are looked at in pieces of this length: short enough for narrow columns, long enough for a few words."""
 SMALL_LETTERS_MM = (0.7, 8.0)
 """Least and greatest height of the letters without ascenders that are looked at."""
+ALIKE = 0.5
+"""Largest difference of heights of small letters from the usual one, as a logarithm: what is lower are the tips of
+ascenders in wide spacing."""
 PUNCTUATION = 0.008
 """How much more ink above than below, as a part of that in the small letters, says nothing: punctuation gives it too.
 Print in mixed case has 0.02 to 0.1."""
@@ -86,7 +89,7 @@ def detect_orientation(page: Page, prior: float = 0.0) -> tuple[int, float]:
     ----------
     page : Page
     prior : float
-        How sure it is from elsewhere, in standard deviations, that a page of level lines stands upright.
+        How sure it is from elsewhere, in standard deviations, that the page stands upright.
 
     Returns
     -------
@@ -112,10 +115,13 @@ def detect_orientation(page: Page, prior: float = 0.0) -> tuple[int, float]:
     if lines.confidence < TEXT_LINES:
         return 0, 0.0
     sure_lines = 1 - other.contrast / lines.contrast
-    rise = _ascender_score(lines) + (0.0 if lying else prior)
-    confidence = sure_lines * erf(abs(rise) / sqrt(2))
+    rise = _ascender_score(lines)
     if lying:
-        return (90 if rise >= 0 else 270) if sure_lines > SURE else 0, confidence
+        confidence = sure_lines * erf(abs(rise) / sqrt(2))
+        # Lines on end of which letters say less than the prior are columns, as of Chinese.
+        return (90 if rise >= 0 else 270) if sure_lines > SURE and abs(rise) >= prior else 0, confidence
+    rise += prior
+    confidence = sure_lines * erf(abs(rise) / sqrt(2))
     return 180 if rise < 0 and confidence > SURE else 0, confidence
 
 
@@ -195,16 +201,19 @@ def _ascender_score(lines: _Lines) -> float:
         _ascenders_less_descenders(_profile(strips, shift), lines.px_per_mm)
         for strips, shift in zip(np.array_split(lines.strips, count), np.array_split(down, count), strict=True)
     ]
-    votes = np.concatenate(pieces)
+    height, ink, votes = np.concatenate(pieces).T
     if len(votes) < 3:
         return 0.0
+    order = np.argsort(height)
+    usual = height[order][np.searchsorted(np.cumsum(ink[order]), 0.5 * ink.sum())]
+    votes = votes[np.abs(np.log(height / usual)) < ALIKE]
     # Pieces of one line are correlated: they count for half. The effect of punctuation is added to the uncertainty.
     sigma = np.hypot(votes.std() / sqrt(len(votes) / 2), PUNCTUATION)
     return float(votes.mean() / sigma)
 
 
 def _ascenders_less_descenders(profile: NDArray[np.float32], px_per_mm: float) -> Floats:
-    """For every line of a column: ink just above its small letters less that just below, as a part of theirs."""
+    """For every line of a column: its small letters' height and ink, and ink just above less just below, in theirs."""
     near = max(3, round(3 * px_per_mm)) | 1
     most = cv2.dilate(profile[:, None], np.ones((near, 1), np.uint8)).ravel()
     small = (profile > 0.5 * most) & (profile > 0.1 * np.quantile(profile, 0.98))
@@ -218,5 +227,6 @@ def _ascenders_less_descenders(profile: NDArray[np.float32], px_per_mm: float) -
         far, rim = round(min(0.6 * height, gap / 2)), max(1, round(0.12 * height))
         if SMALL_LETTERS_MM[0] <= height / px_per_mm <= SMALL_LETTERS_MM[1] and far - rim >= 2:
             above, below = profile[top - far : top - rim].mean(), profile[base + rim : base + far].mean()
-            votes.append((above - below) / profile[top:base].mean())
-    return np.array(votes)
+            ink = float(profile[top:base].sum())
+            votes.append((height, ink, (above - below) * height / ink))
+    return np.array(votes).reshape(-1, 3)
