@@ -281,7 +281,9 @@ def _normal_equations(pairs, number, sums, squares, product, rho, tau):  # type:
         block[0, 1], block[0, 2] = sum_a.imag, -sum_a.real
         block[1, 0], block[2, 0] = sum_b.imag, -sum_b.real
         block[1, 1] = block[2, 2] = -n
-        blocks[count + joints + j] = block.T
+        for p in range(3):
+            for q in range(3):
+                blocks[count + joints + j, p, q] = block[q, p]
         gradient[a, 0] += (sum_a.conjugate() * apart).imag - ab.imag
         gradient[b, 0] -= (sum_b.conjugate() * apart).imag - ab.imag
         total = sum_a - sum_b + n * apart

@@ -122,9 +122,11 @@ def _edges_in_cells(xy, border, rows, cols):  # type: ignore[no-untyped-def]
                         start[r * cols + c] -= 1
                         edge[start[r * cols + c]] = e
         if turn == 0:
-            start = np.cumsum(start)
-            start[:-1] = start[1:]  # filling counts down to where each row begins
+            for k in range(1, len(start)):
+                start[k] += start[k - 1]
             edge = np.empty(start[-1], np.int32)
+            for k in range(len(start) - 1):  # filling counts down to where each row begins
+                start[k] = start[k + 1]
     return start, edge
 
 

@@ -16,7 +16,7 @@ from scipy.sparse import coo_array, csc_array, diags_array
 from scipy.sparse.linalg import SuperLU, splu
 
 from planish.geometry.guards import TINY
-from planish.types import Floats, Ints
+from planish.types import Floats, Ints, read_only
 
 SMALL = 0.1
 """A patch with less than this part of the usual number of points joins its largest neighbour: hung on by one corner
@@ -68,13 +68,13 @@ def make_patches(xy: Floats, edges: Ints, mass: Floats, low: Floats, side: float
         Of its cells.
     """
     patch, cell, size = _split(xy, edges, low, side)
-    across = _between(edges, patch)
+    across = _between(read_only(edges), patch)
     heir = _heirs(patch[across], size)
     keeps = heir == np.arange(len(heir))
     number = (np.cumsum(keeps, dtype=np.int32) - np.int32(1))[heir]
     cell = cell[keeps]
     share, mass_of_patch = _assign(xy, mass, low, side, number, cell, patch)
-    across = _between(across, patch)
+    across = _between(read_only(across), patch)
     corner, nodes = _share_corners(cell, patch[across])
     matrix = _stiffness(corner, mass_of_patch / side**2, nodes)
     far = across[np.abs(cell[patch[across[:, 0]]] - cell[patch[across[:, 1]]]).max(1) > 1]
@@ -153,7 +153,7 @@ def _between(edges, patch):  # type: ignore[no-untyped-def]
     count = 0
     for e in range(len(edges)):
         if patch[edges[e, 0]] != patch[edges[e, 1]]:
-            across[count] = edges[e]
+            across[count, 0], across[count, 1] = edges[e, 0], edges[e, 1]
             count += 1
     return across[:count].copy()
 

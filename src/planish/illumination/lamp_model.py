@@ -12,7 +12,7 @@ from scipy.optimize import least_squares
 
 from planish.geometry.axes import perpendicular_axes
 from planish.parallel import thread_pool
-from planish.types import Bools, Floats
+from planish.types import Bools, Floats, read_only
 
 MAX_CELLS = 3000
 DARKER = (0.4, 0.15, 0.05, 0.03)
@@ -68,7 +68,7 @@ class LampModel:
     ) -> tuple[Floats, Floats]:
         shape = points.shape[:-1]
         flat = np.ascontiguousarray(points.reshape(-1, 3)), np.ascontiguousarray(normals.reshape(-1, 3))
-        scalars = (np.broadcast_to(value, shape).ravel() for value in (off_axis, visibility))
+        scalars = (read_only(np.broadcast_to(value, shape).ravel()) for value in (off_axis, visibility))
         log, by = np.empty(flat[0].shape[0]), np.empty((flat[0].shape[0] if slopes else 0, len(self.parameters)))
         work = (*flat, *scalars, self.middle, self.size, self.parameters, log, by)
         with thread_pool() as parallel_for:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from planish.color import linear_light
 from planish.parallel import thread_pool
 from planish.render.filters import LOBES, NARROW, TAPS, lanczos, narrow, narrow_filters, skewed, upright
-from planish.types import Bools, Floats, Ints, Pixels
+from planish.types import Bools, Floats, Ints, Pixels, read_only
 
 SKEW = 0.1
 """A filter this near to upright, as a part of its size, is taken as upright: its weights then fall into rows and
@@ -49,7 +49,7 @@ def maps_of_faces(pixel_xy: Floats, photo_xy: Floats, jacobian: Floats, faces: I
     """
     maps = np.zeros((len(faces), 9))
     with thread_pool() as parallel_for:
-        parallel_for(_maps, len(faces), pixel_xy, photo_xy, jacobian, faces, maps)
+        parallel_for(_maps, len(faces), pixel_xy, read_only(photo_xy), jacobian, faces, maps)
     return maps
 
 
@@ -73,7 +73,7 @@ def sample(photo: Pixels, face: Ints, maps: Floats, top: int, light: NDArray[np.
     tables = linear_light(np.iinfo(photo.dtype).max + 1), lanczos(), narrow_filters()
     tiles = -(-face.shape[0] // TILE) * -(-face.shape[1] // TILE)
     with thread_pool() as parallel_for:
-        parallel_for(_sample, tiles, photo, face, maps, top, tables, light, known, block=8)
+        parallel_for(_sample, tiles, read_only(photo), face, maps, top, tables, light, known, block=8)
 
 
 @njit(cache=True, nogil=True)
@@ -90,8 +90,11 @@ def _maps(begin, end, page, photo, jacobian, faces, maps):  # type: ignore[no-un
             across, down = (d1 * v2 - d2 * v1) / area, (d2 * u1 - d1 * u2) / area
             maps[f, 3 * k], maps[f, 3 * k + 1] = across, down
             maps[f, 3 * k + 2] = photo[a, k] - across * page[a, 0] - down * page[a, 1]
-        j = (jacobian[a] + jacobian[b] + jacobian[c]) / 3
-        maps[f, 6], maps[f, 7], maps[f, 8] = _shape(j[0, 0], j[0, 1], j[1, 0], j[1, 1])
+        jxx = (jacobian[a, 0, 0] + jacobian[b, 0, 0] + jacobian[c, 0, 0]) / 3
+        jxy = (jacobian[a, 0, 1] + jacobian[b, 0, 1] + jacobian[c, 0, 1]) / 3
+        jyx = (jacobian[a, 1, 0] + jacobian[b, 1, 0] + jacobian[c, 1, 0]) / 3
+        jyy = (jacobian[a, 1, 1] + jacobian[b, 1, 1] + jacobian[c, 1, 1]) / 3
+        maps[f, 6], maps[f, 7], maps[f, 8] = _shape(jxx, jxy, jyx, jyy)
 
 
 @njit(cache=True)

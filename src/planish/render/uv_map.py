@@ -138,5 +138,7 @@ def _jacobians(page, photo, faces):  # type: ignore[no-untyped-def]
             area[i] += u1 * v2 - u2 * v1
     for i in range(len(page)):
         if area[i] != 0:
-            total[i] /= area[i]
+            for k in range(2):
+                total[i, k, 0] /= area[i]
+                total[i, k, 1] /= area[i]
     return total

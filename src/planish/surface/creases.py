@@ -197,7 +197,8 @@ def _gather(i, ring, rings, near):  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True)
 def _to_sides(first, last, rows, source, out):  # type: ignore[no-untyped-def]
     for i in range(first, last):
-        out[i] = rows[source[i]]
+        for k in range(out.shape[1]):
+            out[i, k] = rows[source[i], k]
         out[i, AREA], out[i, NOISE] = rows[i, AREA], rows[i, NOISE]
 
 

@@ -97,7 +97,8 @@ def _product(shape, i, v):  # type: ignore[no-untyped-def]
 def _smooth_shape(first, last, rows, ring, scale, shape, out):  # type: ignore[no-untyped-def]
     for i in range(first, last):
         n, near = row(rows, i), scale / rows[i, NOISE]
-        out[i] = shape[i]
+        for k in range(out.shape[1]):
+            out[i, k] = shape[i, k]
         total = np.float32(1)
         for q in range(ring.start[i], ring.start[i + 1]):
             j = ring.neighbour[q]

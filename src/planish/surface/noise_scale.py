@@ -116,7 +116,7 @@ def _fit_patches(first, last, some, points, rows, ring, radii, off, alike):  # t
     for k in range(first, last):
         i = some[k]
         near[0], stamp[i], place[i] = i, k + 1, 0
-        count, begin, level = 1, 0, 0
+        count, begin, level = np.int64(1), 0, 0  # a literal 1 would have the kernels below compiled twice
         for r in range(len(radii)):
             while level < radii[r]:  # one more ring
                 end = count

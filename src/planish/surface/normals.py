@@ -113,7 +113,8 @@ def closeness(a, b, scale):  # type: ignore[no-untyped-def]
 def store(out, rows, i, normal, place, total):  # type: ignore[no-untyped-def]
     """Write down weighted sums as a unit normal and its place; a sum of nothing changes nothing."""
     length = np.sqrt(square(normal))
-    out[i] = rows[i]
+    for k in range(out.shape[1]):
+        out[i, k] = rows[i, k]
     if length > 0 and total > 0:
         for k in range(3):
             out[i, k] = normal[k] / length

@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit
 
 from planish.geometry.guards import TINY
+from planish.geometry.quantile import quantile
 from planish.geometry.vectors import dot, minus, plus, row, tangents, times, unit
 from planish.parallel import ParallelFor
 from planish.surface.noise import ring_noise, robust_sigma
@@ -127,8 +128,8 @@ def _compare(first, last, some, points, rows, ring, doubtful, least, feet, axes,
         for _ in range(ROUNDS):
             _fit(terms, height, weight, count, matrix, off)
             for q in range(1, count):
-                weight[q] = abs(off[q])
-            usual = np.quantile(weight[1:count], USUAL) * USUAL_GAIN
+                weight[q - 1] = abs(off[q])
+            usual = quantile(weight, count - 1, USUAL) * USUAL_GAIN
             for q in range(1, count):
                 weight[q] = max(0.0, 1.0 - (off[q] / (5.0 * usual + 1e-12)) ** 2) ** 2
         alike = 0

@@ -3,7 +3,7 @@
 Positions are (x, y[, z]) in millimetres; images are [row, col]. Arrays are read-only once a value is made.
 """
 
-from planish.types.arrays import Bools, Floats, Ints, Pixels, freeze, trusted_replace
+from planish.types.arrays import Bools, Floats, Ints, Pixels, freeze, read_only, trusted_replace
 from planish.types.checks import check_place
 from planish.types.diagnostic import Diagnostic
 from planish.types.page import Page, Restoration
@@ -57,6 +57,7 @@ __all__ = [
     "View",
     "check_place",
     "freeze",
+    "read_only",
     "summary",
     "trusted_replace",
 ]

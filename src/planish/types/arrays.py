@@ -24,9 +24,18 @@ def freeze(value: object) -> None:
     for f in fields(value):  # type: ignore[arg-type]
         array = getattr(value, f.name)
         if isinstance(array, np.ndarray):
-            frozen = np.ascontiguousarray(array).view()
-            frozen.flags.writeable = False
-            object.__setattr__(value, f.name, frozen)
+            object.__setattr__(value, f.name, read_only(array))
+
+
+def read_only(array: NDArray[Any]) -> NDArray[Any]:
+    """A contiguous read-only array on the same numbers, without a copy where they are contiguous already.
+
+    Numba compiles a kernel anew where an array may be written; what reaches a kernel both as a user's read-only array
+    and as one that a stage has just made is passed to it like this.
+    """
+    frozen = np.ascontiguousarray(array).view()
+    frozen.flags.writeable = False
+    return frozen
 
 
 def frozen_copy(array: NDArray[Any], source: object) -> NDArray[Any]:

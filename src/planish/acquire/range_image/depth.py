@@ -19,6 +19,7 @@ from planish.acquire.scan_quality import with_noise
 from planish.document.sheet_outline import sheet_mask
 from planish.errors import InputError
 from planish.geometry import project
+from planish.geometry.quantile import quantile
 from planish.geometry.triangulation import rays
 from planish.parallel import thread_pool
 from planish.types import Bools, Camera, Floats, Pixels, Scan
@@ -162,13 +163,13 @@ def _average(first, last, stack, depth, agreement):  # type: ignore[no-untyped-d
         depth[i], agreement[i] = np.nan, 0.0
         if count == 0 or count < MIN_FRAME_SHARE * frames:
             continue
-        middle = np.median(values[:count])
+        middle = quantile(values, count, 0.5)
         for k in range(count):
             deviation[k] = abs(values[k] - middle)
-        tolerance = max(OUTLIER * 1.4826 * np.median(deviation[:count]), MIN_TOLERANCE * middle)
+        tolerance = max(OUTLIER * 1.4826 * quantile(deviation, count, 0.5), MIN_TOLERANCE * middle)
         total, used = 0.0, 0
         for k in range(count):
-            if deviation[k] <= tolerance:
+            if abs(values[k] - middle) <= tolerance:
                 total += values[k]
                 used += 1
         depth[i], agreement[i] = total / used, used / frames
