@@ -19,6 +19,7 @@ STAGE_LABELS = {
     "acquire": "Reconstructing the scan",
     "calibrate": "Calibrating",
     "shape": "Estimating the sheet's shape",
+    "compile": "Compiling",
     "clean": "Repairing the mesh",
     "flatten": "Flattening",
     "turn": "Orienting the page",
@@ -34,6 +35,15 @@ STAGE_LABELS = {
 
 NOTE_COMPILE_SECONDS = 5.0
 """Seconds of compilation from which on a note is printed."""
+
+
+@contextmanager
+def pipeline_progress(*, quiet: bool, draw: bool = True) -> Iterator[Callable[[str, float], None]]:
+    """Progress bar for a command that flattens a sheet and may draw it: its first run compiles on two cores."""
+    from planish.job.warm_up import compile_from_both_ends
+
+    with compile_from_both_ends(draw=draw), progress_bar(quiet=quiet) as progress:
+        yield progress
 
 
 @contextmanager

@@ -34,7 +34,7 @@ def demo(
     quiet
         Print nothing but errors.
     """
-    from planish.cli.console import progress_bar
+    from planish.cli.console import pipeline_progress
     from planish.cli.restore import restore
     from planish.gallery import sheet as known_sheet
     from planish.gallery import virtual_scan
@@ -43,7 +43,7 @@ def demo(
     make_folder(output)
     if sheet == "photos":
         return _photos(output, quiet=quiet)
-    with progress_bar(quiet=quiet) as progress:
+    with pipeline_progress(quiet=quiet) as progress:
         progress("scan", 0.0)
         capture = virtual_scan(known_sheet(SHEETS[sheet]), noise_mm=0.05)
         progress("write", 0.0)

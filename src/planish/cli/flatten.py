@@ -63,7 +63,7 @@ def flatten(
 
     import numpy as np
 
-    from planish.cli.console import EarlyNotes, print_report, progress_bar
+    from planish.cli.console import EarlyNotes, pipeline_progress, print_report
     from planish.io import all_or_nothing, check_flat_name, check_writable, read_scan, write_flat, write_json
     from planish.job import with_file_info
     from planish.pipeline import restore
@@ -73,7 +73,7 @@ def flatten(
     for path in outputs:
         check_writable(path, overwrite=overwrite)
     notes = EarlyNotes(quiet=quiet)
-    with progress_bar(quiet=quiet) as progress, all_or_nothing():
+    with pipeline_progress(quiet=quiet, draw=False) as progress, all_or_nothing():
         start = perf_counter()
         progress("read", 0.0)
         named = sheet not in ("auto", "all")

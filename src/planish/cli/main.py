@@ -22,6 +22,7 @@ from planish.cli.photo import photo
 from planish.cli.restore import restore
 from planish.cli.serve import serve
 from planish.cli.view import view
+from planish.cli.warm_up import warm_up
 from planish.errors import PlanishError, UsageError
 from planish.hints import as_flag
 from planish.memory import is_out_of_memory
@@ -38,6 +39,7 @@ app.command(flatten)
 app.command(photo)
 app.command(view)
 app.command(serve)
+app.command(warm_up)
 app.command(acquire.app)
 app.command(calibrate.app)
 

@@ -73,7 +73,7 @@ def restore(
     verbose
         Print the report table even if the output is piped.
     """
-    from planish.cli.console import EarlyNotes, print_report, progress_bar
+    from planish.cli.console import EarlyNotes, pipeline_progress, print_report
     from planish.job import Job, Outputs, run
 
     job = Job(
@@ -98,7 +98,7 @@ def restore(
         ),
     )
     notes = EarlyNotes(quiet=quiet)
-    with progress_bar(quiet=quiet) as progress:
+    with pipeline_progress(quiet=quiet) as progress:
         result = run(job, progress, notes)
     print_report(
         result.report, [str(path) for path in result.written], quiet=quiet, verbose=verbose, printed=notes.printed

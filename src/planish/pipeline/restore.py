@@ -31,7 +31,7 @@ from planish.types import (
 
 
 @dataclass(frozen=True, eq=False)
-class _Drawn:
+class DrawnPage:
     """What came of the photo: nothing where the scan has none, or where a stage was not asked for."""
 
     rendered: Rendered | None = None
@@ -83,7 +83,9 @@ def restore(
         prepared, flat = flatten_prepared(prepared, s.flatten, share, s.sheet)
     with stage("turn"):
         flat = orient_by_shape(prepared, flat, s)
-    flat, drawn = _draw(prepared, flat, s, stage, read_orientation) if draw and scan.has_picture else (flat, _Drawn())
+    flat, drawn = (
+        draw_page(prepared, flat, s, stage, read_orientation) if draw and scan.has_picture else (flat, DrawnPage())
+    )
     rendered, lit = drawn.rendered, drawn.lit
     with stage("measure"):
         report = build_report(
@@ -109,7 +111,7 @@ def restore(
     )
 
 
-def _binarizer(drawn: _Drawn, settings: RestoreSettings) -> Callable[[], Page] | None:
+def _binarizer(drawn: DrawnPage, settings: RestoreSettings) -> Callable[[], Page] | None:
     """Binarization of the page, done once when it is first asked for; None where there is nothing to do."""
     if drawn.rendered is None or settings.binarize.binarize == "none":
         return None
@@ -117,13 +119,13 @@ def _binarizer(drawn: _Drawn, settings: RestoreSettings) -> Callable[[], Page] |
     return cache(partial(binarize, page, settings.binarize))
 
 
-def _draw(
+def draw_page(
     prepared: PreparedScan,
     flat: Flattening,
     settings: RestoreSettings,
     stage: StageTimer,
     read_orientation: OrientationReader | None,
-) -> tuple[Flattening, _Drawn]:
+) -> tuple[Flattening, DrawnPage]:
     """The stages that need a photo; the flattening comes back as its text reads."""
     sheet, s = prepared.scan, settings
     spine = lit = None
@@ -143,7 +145,7 @@ def _draw(
             lit = remove_shading(rendered.page, sheet, flat.page_xy, normals, s.shading)
     with stage("turn"):
         warnings += _mirrored(lit.page if lit else rendered.page)
-    return flat, _Drawn(rendered, lit, spine, tuple(warnings))
+    return flat, DrawnPage(rendered, lit, spine, tuple(warnings))
 
 
 def _mirrored(page: Page) -> list[Diagnostic]:
@@ -154,7 +156,7 @@ def _mirrored(page: Page) -> list[Diagnostic]:
     return [Diagnostic("text-mirrored", sentence, "if so, mirror the photo and the scan, or export without mirroring")]
 
 
-def _warnings(drawn: _Drawn, pages: Pages) -> list[Diagnostic]:
+def _warnings(drawn: DrawnPage, pages: Pages) -> list[Diagnostic]:
     """What a user should know of the drawing stages."""
     if drawn.rendered is None:
         return []

@@ -1,0 +1,137 @@
+"""Compile the kernels of the pipeline: on the first run on a machine, or ahead of it.
+
+Numba compiles one kernel at a time in a process, whatever the cores, and keeps it in a cache on disk. So a second
+process works from the pipeline's other end: it draws a page first, and lays a sheet flat after that. Where the two
+meet, each finds in the cache what the other has compiled.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from numba import get_num_threads
+from numba.core.event import Event, Listener, install_listener
+
+
+class _StartAtFirstKernel(Listener):
+    """Starts the second process when numba first has to compile something."""
+
+    def __init__(self, stages: list[str]):
+        self.stages = stages
+        self.process: subprocess.Popen[bytes] | None = None
+
+    def on_start(self, event: Event) -> None:
+        if self.process is None:
+            command = [sys.executable, "-m", "planish.job.warm_up", *self.stages]
+            quiet = subprocess.DEVNULL
+            self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=quiet, stderr=quiet)
+
+    def on_end(self, event: Event) -> None:
+        pass
+
+
+@contextmanager
+def compile_from_both_ends(*, draw: bool = True) -> Iterator[None]:
+    """While this is open, the first kernel that is not in numba's cache starts a second process that compiles, too.
+
+    The process ends with its work, with this context, or with this process. On one core none is started.
+
+    Parameters
+    ----------
+    draw : bool
+        Whether a page will be drawn, too.
+    """
+    if get_num_threads() == 1:
+        yield
+        return
+    starter = _StartAtFirstKernel(["draw"] if draw else [])
+    try:
+        with install_listener("numba:compile", starter):
+            yield
+    finally:
+        if starter.process is not None:
+            starter.process.kill()
+            starter.process.communicate()
+
+
+def load_kernels() -> None:
+    """Restore a small sheet, which loads the kernels of the default pipeline (the first time: compiles them)."""
+    from planish.job import runner
+
+    scan, _ = _small_scan()
+    with compile_from_both_ends():
+        runner.restore(scan)
+
+
+def _draw() -> None:
+    """Draw the page of a sheet whose flat shape is known."""
+    import numpy as np
+
+    from planish.pipeline.restore import draw_page
+    from planish.pipeline.stages import StageTimer, no_progress
+    from planish.settings import RestoreSettings
+    from planish.types import Flattening, Outcome, PreparedScan, Topology
+
+    scan, flat_xy = _small_scan()
+    points, none = len(flat_xy), np.zeros((0, 2), np.int32)
+    flat = Flattening(
+        page_xy=flat_xy - flat_xy.min(axis=0),
+        size_mm=tuple(np.ptp(flat_xy, axis=0).tolist()),
+        outcome=Outcome.SETTLED,
+        method="multigrid",
+        lengths="smooth",
+        solved_points=points,
+        iterations=0,
+        residuals=np.zeros(0),
+        heights=np.zeros(0),
+        strain=(0.0, 0.0),
+        error_mm=np.zeros(points),
+        local_strain=np.zeros(points),
+        seconds=0.0,
+        normals=np.tile(np.array([0, 0, 1], np.float32), (points, 1)),
+    )
+    nothing = Topology(none, none, none[:, 0], none)
+    prepared = PreparedScan(scan, scan, nothing, np.arange(points, dtype=np.int32), pieces=1, holes=0)
+    draw_page(prepared, flat, RestoreSettings(), StageTimer(no_progress), None)
+
+
+def _flatten() -> None:
+    """Flatten without looking for noise first."""
+    from planish import flatten
+    from planish.settings import FlattenSettings
+
+    flatten(_small_scan()[0].mesh, settings=FlattenSettings(lengths="unfolded"))
+
+
+def _small_scan():  # type: ignore[no-untyped-def]
+    """A scan of a small bent sheet with a photo, and its points on the flat sheet."""
+    import numpy as np
+
+    from planish.gallery import sheet, sheet_mesh
+    from planish.gallery.scanner import overhead_camera
+    from planish.geometry import project
+    from planish.types import Scan
+
+    card = sheet("book", width_mm=74, height_mm=105)
+    mesh, flat_xy = sheet_mesh(card, points=4000, layout="range", noise_mm=0.05)
+    camera = overhead_camera(card, (480, 360))
+    photo = np.full((*camera.shape_rc, 3), 220, np.uint8)
+    photo[::8] = photo[1::8] = 60  # stripes that resemble lines of text
+    return Scan(mesh, photo=photo, photo_xy=project(camera, mesh.points)), flat_xy
+
+
+def _end_with_parent() -> None:
+    os.read(sys.stdin.fileno(), 1)  # nothing is ever written: it returns when the parent is gone
+    os._exit(1)
+
+
+if __name__ == "__main__":
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    if "draw" in sys.argv:
+        _draw()
+    _flatten()
