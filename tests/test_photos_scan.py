@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from planish.acquire.photos.guidance import what_next
-from planish.acquire.photos.scan import PhotosScan, SourcePhoto, from_photos
+from planish.acquire.photos.scan import PhotosScan, SourcePhoto, _of_one_sheet, from_photos
 from planish.errors import InputError, UsageError
 from planish.gallery import sheet, typeset_sheet
 from planish.gallery.photo_shoot import photo_shoot
@@ -101,6 +101,20 @@ def test_blank_photos_have_nothing_in_common():
     blank = [SourcePhoto(f"{k}.jpg", np.full((600, 800, 3), 200 + k, np.uint8)) for k in range(3)]
     with pytest.raises(InputError, match="no places in common"):
         from_photos(blank)
+
+
+def test_photos_of_another_sheet_are_named_and_left_out():
+    names = ["a.jpg", "b.jpg", "c.jpg", "d.jpg"]
+    assert _of_one_sheet(np.array([0.97, 1, 0.99, 1]), names) == ([0, 1, 2, 3], [])
+    alike, (note,) = _of_one_sheet(np.array([0.97, 0.08, 0.99, 1]), names)
+    assert alike == [0, 2, 3]
+    assert note.code == "photos-unlike"
+    assert note.sentence.startswith("b.jpg shows the same as the other photos at only 8 % of the places of print")
+
+
+def test_a_set_of_two_sheets_is_refused():
+    with pytest.raises(InputError, match=r"different sheets, .* a\.jpg, c\.jpg show the same .* at only 28 to 70 %"):
+        _of_one_sheet(np.array([0.28, 0.9, 0.7, 0.95]), ["a.jpg", "b.jpg", "c.jpg", "d.jpg"])
 
 
 @pytest.mark.slow

@@ -9,6 +9,8 @@ from planish.acquire.photos.outline import clip_mesh, distance_inside
 from planish.acquire.photos.paper import Paper, find_paper
 from planish.acquire.photos.patch_matching import match_patches, stack_photos
 from planish.acquire.photos.rim import rim_points
+from planish.acquire.photos.surface import Level
+from planish.acquire.photos.surface import _match as match_surface
 from planish.gallery.scene_view import aim_camera
 from planish.geometry import project
 from planish.mesh import area_vectors, grid_faces
@@ -44,7 +46,7 @@ def test_patches_find_how_far_the_surface_must_move(height):
     # A pixel is 0.5 mm; a bilinear sample of this print is right to a twentieth of one.
     assert np.abs(found.offset - height).max() < 0.03
     assert found.agreement.min() > 0.95
-    assert (found.views == len(CAMERAS)).all()
+    assert found.agrees.all()
 
 
 def test_a_photo_of_something_else_is_left_out_of_a_match():
@@ -53,8 +55,20 @@ def test_a_photo_of_something_else_is_left_out_of_a_match():
     points, normals = np.zeros((1, 3)), np.array([[0.0, 0, 1]])
     stack = stack_photos(photos, CAMERAS, [1.0] * len(photos))
     found = match_patches(stack, points, normals, np.ones((1, 4), bool), 0.5, 0.25, 6)
-    assert found.views[0] == 3
+    assert found.agrees[0].tolist() == [True, True, False, True]
     assert found.offset[0] == pytest.approx(0.5, abs=0.03)
+
+
+def test_a_photo_of_another_sheet_is_unlike_the_others():
+    photos = [photo_of_plane(camera, 0.0) for camera in CAMERAS]
+    photos[1] = np.roll(photos[1], 40, axis=1)  # the same print elsewhere
+    grid = Grid(np.array([-40.0, -30.0, 0.0]), np.eye(3), 2.0, (31, 41))
+    stack = stack_photos(photos, CAMERAS, [1.0] * len(photos))
+    seen = np.ones((31 * 41, len(CAMERAS)), bool)
+    level = Level(300, 40, 3, 1)
+    _, likeness = match_surface(grid, np.zeros((31, 41)), CAMERAS, stack, seen, 0.5, level)
+    assert likeness[[0, 2, 3]].min() > 0.95
+    assert likeness[1] < 0.2
 
 
 def test_blank_paper_has_no_match():

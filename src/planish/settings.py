@@ -330,21 +330,36 @@ class PhotoSettings:
     marker_mm : float, optional
         With several photos: side of the black squares of printed ArUco markers (DICT_4X4_50) beside the sheet, such
         as the card of `planish calibrate card`.
+    distance_mm : float, optional
+        With several photos: distance of two places of the sheet along the paper, as a ruler measures it on the flat
+        sheet; `between` names them.
+    between : (str, float, float, float, float), optional
+        The name of one of the photos, and column and row of both places in it [px], as an image viewer shows it.
     """
 
     shape: PhotoShape = "auto"
     width_mm: float | None = None
     paper: Paper = "unknown"
     marker_mm: float | None = None
+    distance_mm: float | None = None
+    between: tuple[str, float, float, float, float] | None = None
 
     def __post_init__(self) -> None:
         if self.width_mm is not None and not 1 <= self.width_mm <= 10_000:
             raise UsageError(f"width_mm must be between 1 and 10000, not {self.width_mm}")
         if self.marker_mm is not None and not 1 <= self.marker_mm <= 1000:
             raise UsageError(f"marker_mm must be between 1 and 1000, not {self.marker_mm}")
-        given = [self.width_mm is not None, self.paper != "unknown", self.marker_mm is not None]
-        if sum(given) > 1:
-            raise UsageError("give one of width_mm, paper and marker_mm: each determines the size of the sheet")
+        if self.distance_mm is not None and not 1 <= self.distance_mm <= 10_000:
+            raise UsageError(f"distance_mm must be between 1 and 10000, not {self.distance_mm}")
+        if (self.distance_mm is None) != (self.between is None):
+            raise UsageError("distance_mm and between go together: a distance, and the two places that it lies between")
+        if self.between is not None and self.between[1:3] == self.between[3:]:
+            raise UsageError("between names one place twice; two places far apart are wanted")
+        known = [self.width_mm, self.marker_mm, self.distance_mm]
+        if sum(value is not None for value in known) + (self.paper != "unknown") > 1:
+            raise UsageError(
+                "give one of width_mm, paper, marker_mm and distance_mm: each determines the size of the sheet"
+            )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -19,7 +19,7 @@ def photo(
     *,
     output: Output,
     camera: Path | None = None,
-    shape: Annotated[PhotoSettings, Flags] = PhotoSettings(),
+    shape: Annotated[PhotoSettings, Parameter(name="*", negative="")] = PhotoSettings(),
     rendering: Annotated[RenderSettings, Flags] = RenderSettings(dpi="auto"),
     shading: Annotated[ShadingSettings, Flags] = ShadingSettings(shading="background"),
     binarizing: Annotated[BinarizeSettings, Flags] = BinarizeSettings(),
@@ -43,8 +43,8 @@ def photo(
         One photo, or several of the same sheet lying still, or a folder of them: JPEG, PNG, TIFF, WebP, BMP, JPEG 2000
         or PPM; with the extra `planish[photos]` also HEIC and raw.
     output
-        The page to write: .tif, .png, .jpg or .pdf; with its dpi as metadata if --marker-mm, --width-mm or --paper is
-        given.
+        The page to write: .tif, .png, .jpg or .pdf; with its dpi as metadata if --marker-mm, --width-mm, --paper
+        or --distance-mm is given.
     camera
         With several photos: one calibrated lens that took all of them (JSON), or a file with the cameras of all photos
         by name. Default: found from the photos.
@@ -56,7 +56,8 @@ def photo(
     report
         Also write the report as JSON.
     stages
-        Also write images of every stage into this folder.
+        Also write images of every stage into this folder; with several photos also a map of what was measured and what
+        is bridged.
     overwrite
         Whether existing files may be replaced.
     quiet
@@ -86,8 +87,8 @@ def photo(
 
     files = photo_files(photos)
     several = len(files) > 1
-    if not several and (camera is not None or shape.marker_mm is not None):
-        raise UsageError("--camera and --marker-mm are for several photos of a sheet; one photo was given")
+    if not several and (camera is not None or shape.marker_mm is not None or shape.distance_mm is not None):
+        raise UsageError("--camera, --marker-mm and --distance-mm are for several photos; one photo was given")
     if several and shape.shape != "auto":
         raise UsageError(f"--shape {shape.shape} is for one photo; several photos measure the shape")
     for path in (output, *([binary] if binary is not None else [])):
@@ -115,7 +116,7 @@ def photo(
             assert restoration.binary is not None
             write(binary, restoration.binary)
         if stages is not None:
-            outputs += write_stages(stages, restoration)
+            outputs += write_stages(stages, restoration, sheet.measured)
         final_report = sheet.completed(restoration, perf_counter() - start)
         if report is not None:
             write_json(report, final_report)

@@ -20,7 +20,7 @@ from planish.io.files import read_bytes
 from planish.io.photo_kinds import decode_other, other_kind
 from planish.io.suppress_stderr import suppress_stderr
 from planish.memory import check_memory
-from planish.types import Diagnostic, Pixels
+from planish.types import Diagnostic, Floats, Pixels
 
 FORMATS = {
     "JPEG": "JPEG",
@@ -60,11 +60,15 @@ for _decoder in ("PIL", "tifffile"):  # what they log of damaged files is said i
 
 
 class Photo(NamedTuple):
-    """A photo: pixels (rows, cols, 3) uint8 or uint16, its colour profile (None: sRGB), and what was changed."""
+    """A photo: pixels (rows, cols, 3) uint8 or uint16, its colour profile (None: sRGB), and what was changed.
+
+    `orientation` is the EXIF orientation in which the pixels are to be shown, 1 where that is as they are.
+    """
 
     pixels: Pixels
     icc: bytes | None
     warnings: list[Diagnostic]
+    orientation: int = 1
 
     def __repr__(self) -> str:
         return one_line(self)
@@ -130,7 +134,7 @@ def decode_photo(name: str, data: bytes, *, upright: bool = False) -> Photo:
     if pages > 1:
         warnings.append(Diagnostic("several-pages", f"{name} holds {pages} pages; the first was read"))
     if upright:
-        pixels = _turned(pixels, orientation)
+        pixels, orientation = _turned(pixels, orientation), 1
     elif orientation != 1:
         warnings.append(
             Diagnostic(
@@ -139,7 +143,7 @@ def decode_photo(name: str, data: bytes, *, upright: bool = False) -> Photo:
                 "texture coordinates and cameras count them",
             )
         )
-    return Photo(np.ascontiguousarray(pixels), icc, warnings)
+    return Photo(np.ascontiguousarray(pixels), icc, warnings, orientation)
 
 
 def stored_shape(source: Path | bytes) -> tuple[int, int] | None:
@@ -357,9 +361,29 @@ def _three_channels(
     return np.repeat(pixels[..., :1], 3, axis=2), None
 
 
+_STEPS = {2: (1, -1), 3: (-1, -1), 4: (-1, 1), 6: (1, -1), 7: (-1, -1), 8: (-1, 1)}
+"""Down and across in which an EXIF orientation is read, after rows and columns are swapped from 5 on."""
+
+
 def _turned(pixels: NDArray, orientation: int) -> NDArray:
     """The pixels as EXIF orientation 1 to 8 asks to show them."""
     if orientation >= 5:
         pixels = pixels.swapaxes(0, 1)
-    down, left = {2: (1, -1), 3: (-1, -1), 4: (-1, 1), 6: (1, -1), 7: (-1, -1), 8: (-1, 1)}.get(orientation, (1, 1))
+    down, left = _STEPS.get(orientation, (1, 1))
     return pixels[::down, ::left]
+
+
+def as_stored(shown_xy: Floats, photo: Photo) -> Floats:
+    """Columns and rows of a photo's stored pixels, from those (n, 2) of the picture as a viewer shows it.
+
+    Examples
+    --------
+    >>> upright = Photo(np.zeros((30, 40, 3), np.uint8), None, [], 6)
+    >>> as_stored(np.array([[0.0, 0], [29, 5]]), upright).tolist()
+    [[0.0, 29.0], [5.0, 0.0]]
+    """
+    rows, cols = photo.pixels.shape[:2]
+    size = np.array([rows, cols] if photo.orientation >= 5 else [cols, rows])
+    back = np.array(_STEPS.get(photo.orientation, (1, 1))[::-1]) < 0
+    xy = np.where(back, size - 1 - shown_xy, shown_xy)
+    return np.asarray(xy[:, ::-1] if photo.orientation >= 5 else xy)

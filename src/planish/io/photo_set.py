@@ -6,13 +6,15 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from planish.acquire.photos.scan import SourcePhoto
-from planish.errors import InputError
+from planish.errors import InputError, UsageError
 from planish.io.cameras import holds_many, read_camera, scaled_camera
 from planish.io.exif import focal_length_px
-from planish.io.images import read_photo
+from planish.io.images import Photo, as_stored, read_photo
 from planish.io.views import refuse_twice
-from planish.types import Camera, Diagnostic
+from planish.types import Camera, Diagnostic, Floats
 
 SUFFIXES = {
     *(".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp", ".bmp", ".jp2", ".ppm"),
@@ -43,7 +45,9 @@ def photo_files(given: Sequence[Path]) -> list[Path]:
 
 
 def read_photo_set(
-    files: Sequence[Path], camera: Path | None = None
+    files: Sequence[Path],
+    camera: Path | None = None,
+    between: tuple[str, float, float, float, float] | None = None,
 ) -> tuple[list[SourcePhoto], list[Camera] | None, list[Diagnostic]]:
     """Read photos for `planish.acquire.photos.scan.from_photos`.
 
@@ -52,6 +56,8 @@ def read_photo_set(
     files : sequence of Path
     camera : Path, optional
         One calibrated lens that took all of them; or a file with the cameras of all photos by name, with their poses.
+    between : (str, float, float, float, float), optional
+        Two marked places, as in `PhotoSettings`.
 
     Returns
     -------
@@ -65,7 +71,11 @@ def read_photo_set(
     ------
     InputError
         If a file cannot be read, or the camera is of another size than the photos.
+    UsageError
+        If places are marked beside a photo, or in one that is not among them.
     """
+    if between is not None and not any(_is_named(file, between[0]) for file in files):
+        raise UsageError(f"places were marked in {between[0]}, which is none of the {len(files)} photos")
     warnings: list[Diagnostic] = []
     photos: list[SourcePhoto] = []
     cameras: list[Camera] = []
@@ -86,9 +96,26 @@ def read_photo_set(
         if posed:
             assert lens is not None
             cameras.append(lens)
-        photos.append(SourcePhoto(file.name, image.pixels, focal_length_px(file), None if posed else lens, image.icc))
+        marked = None if between is None or not _is_named(file, between[0]) else _marked(file, image, between[1:])
+        photos.append(
+            SourcePhoto(file.name, image.pixels, focal_length_px(file), None if posed else lens, image.icc, marked)
+        )
     if cameras or len(photos) < 2 or photos[0].lens is None:
         return photos, cameras or None, warnings
     shared = photos[0].lens  # one lens, not one for each photo
     same = all(photo.pixels.shape == photos[0].pixels.shape for photo in photos)
     return [replace(photo, lens=shared) for photo in photos] if same else photos, None, warnings
+
+
+def _is_named(file: Path, name: str) -> bool:
+    return file == Path(name) or file.name == name
+
+
+def _marked(file: Path, image: Photo, places: tuple[float, float, float, float]) -> Floats:
+    """Two places (2, 2) in a photo's stored pixels."""
+    xy = as_stored(np.array(places).reshape(2, 2), image)
+    rows, cols = image.pixels.shape[:2]
+    if not ((xy >= 0) & (xy <= [cols - 1, rows - 1])).all():
+        shown = f"{rows} x {cols}" if image.orientation >= 5 else f"{cols} x {rows}"
+        raise UsageError(f"a place was marked beside {file}, which is shown with {shown} pixels")
+    return xy

@@ -9,7 +9,7 @@ from time import perf_counter
 
 from planish.pipeline.stages import Progress
 from planish.settings import PhotoSettings
-from planish.types import Diagnostic, Report, Restoration, Scan
+from planish.types import Diagnostic, Floats, Report, Restoration, Scan
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,12 +25,15 @@ class PhotographedSheet:
         Of reading and finding the shape.
     complete : callable
         Adds what the photos told to the report.
+    measured : (n,) float64 or None
+        Of the scan's points, if several photos measured them: 1 where they did, falling to 0 where it is bridged.
     """
 
     scan: Scan
     scaled: bool
     seconds: dict[str, float]
     complete: Callable[[Restoration], Report]
+    measured: Floats | None = None
 
     def completed(self, restoration: Restoration, write_seconds: float) -> Report:
         """The report of the whole command."""
@@ -67,16 +70,15 @@ def shape_of_several(
     from planish.acquire.photos.page_error import expected_page_error
     from planish.acquire.photos.scan import from_photos
     from planish.io.photo_set import read_photo_set
-    from planish.pipeline.scale import scaled_to_width, unlike_paper
+    from planish.pipeline.scale import scaled_by_page, unlike_paper
 
     start = perf_counter()
     progress("read", 0.0)
-    sources, cameras, read_warnings = read_photo_set(files, camera)
+    sources, cameras, read_warnings = read_photo_set(files, camera, settings.between)
     read_at = perf_counter()
     progress("shape", 0.0)
     found = from_photos(sources, settings, cameras=cameras, progress=lambda share: progress("shape", share))
-    if settings.width_mm is not None:
-        found = scaled_to_width(found, settings.width_mm)
+    found = scaled_by_page(found, settings)
     seconds = {"read": read_at - start, "shape": perf_counter() - read_at}
 
     def complete(restoration: Restoration) -> Report:
@@ -95,4 +97,5 @@ def shape_of_several(
             warnings=[*notes, *read_warnings, *report.warnings],
         )
 
-    return PhotographedSheet(found.acquired.scan, found.report.scale != "unknown", seconds, complete)
+    acquired = found.acquired
+    return PhotographedSheet(acquired.scan, found.report.scale != "unknown", seconds, complete, acquired.confidence)

@@ -24,12 +24,13 @@ CAPTIONS = {
     "4-mesh-after": "The scan, flattened",
     "6-restored-binary": "The page, black and white",
     "8-strain": "Strain",
+    "9-measured": "Measured or bridged",
     "0-sheet": "The scan without what was left out",
 }
 """Captions of the contact sheet in its order: colour above binary, before left of after, maps last."""
 
 
-def write_stages(folder: Path, restoration: Restoration) -> list[Path]:
+def write_stages(folder: Path, restoration: Restoration, measured: Floats | None = None) -> list[Path]:
     """Write photo, page, both binarized, mesh before and after, quality maps, and a contact sheet of all of them.
 
     Where surroundings were left out, a picture in which they are dark comes along. The images of the photo are omitted
@@ -41,6 +42,8 @@ def write_stages(folder: Path, restoration: Restoration) -> list[Path]:
         Created if it does not exist.
     restoration : Restoration
         With a rendered page.
+    measured : (n,) float64, optional
+        Of the scan's points: 1 where several photos measured the surface, 0 where it is bridged.
 
     Returns
     -------
@@ -71,6 +74,9 @@ def write_stages(folder: Path, restoration: Restoration) -> list[Path]:
         "7-expected-error": heat_map(page_xy, faces, error, flat.size_mm, "expected error, mm"),
         "8-strain": heat_map(page_xy, faces, 100 * strain, flat.size_mm, "strain, %"),
     }
+    if measured is not None:
+        share = from_file_order(prepared, measured)
+        pictures["9-measured"] = heat_map(page_xy, faces, share, flat.size_mm, "1 measured, 0 bridged")
     pictures["all"] = contact_sheet(
         {caption: pictures[name] for name, caption in CAPTIONS.items() if name in pictures}, "From scan to page"
     )

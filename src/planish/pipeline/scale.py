@@ -5,8 +5,16 @@ from __future__ import annotations
 from dataclasses import replace
 
 from planish.acquire.photos.scan import PhotosScan
+from planish.pipeline.flatten import flatten
 from planish.pipeline.restore import restore
-from planish.settings import PAPERS_MM, BinarizeSettings, RenderSettings, RestoreSettings, ShadingSettings
+from planish.settings import (
+    PAPERS_MM,
+    BinarizeSettings,
+    PhotoSettings,
+    RenderSettings,
+    RestoreSettings,
+    ShadingSettings,
+)
 from planish.types import Diagnostic
 
 ROUGH_DPI = 100.0
@@ -16,6 +24,17 @@ WIDTH_ERROR = 1e-3
 UNLIKE = 0.02
 """Difference of a page's proportions from its paper's from which on it is told: A4 and Letter differ by 9 %, outlines
 by 0.5 %."""
+
+
+def scaled_by_page(found: PhotosScan, settings: PhotoSettings) -> PhotosScan:
+    """Scale a scan by what is known of its flat page: its width, or the distance of two marked places; if either is."""
+    if settings.width_mm is not None:
+        return scaled_to_width(found, settings.width_mm)
+    if settings.distance_mm is not None and found.marked is not None:
+        apart = found.marked.apart(flatten(found.acquired.scan.mesh).page_xy)
+        error = found.marked.relative_error(settings.distance_mm)
+        return found.scaled(settings.distance_mm / apart, "distance", error)
+    return found
 
 
 def scaled_to_width(found: PhotosScan, width_mm: float) -> PhotosScan:

@@ -233,7 +233,7 @@ class PhotosReport:
     left_out : list of str
         Names of the others.
     scale : str
-        Origin of the size in mm: "marker", "paper", "width", "cameras" or "unknown" (taken to be about A4).
+        Origin of the size in mm: "marker", "paper", "width", "distance", "cameras" or "unknown" (taken to be about A4).
     scale_error : float or None
         Standard error of the size, relative to it; None where it is unknown.
     focal_px : float [photo px]

@@ -79,14 +79,14 @@ class Matches:
         Standard deviation of the offset.
     agreement : (n,) float64
         Mean NCC there.
-    views : (n,) int32
+    agrees : (n, photos) bool
         Photos that took part.
     """
 
     offset: Floats
     sigma: Floats
     agreement: Floats
-    views: NDArray[np.int32]
+    agrees: Bools
 
 
 def match_patches(
@@ -118,21 +118,21 @@ def match_patches(
     """
     n = len(points)
     offset, sigma, agreement = np.full(n, np.nan), np.full(n, np.inf), np.zeros(n)
-    views = np.zeros(n, np.int32)
+    agrees = np.zeros((n, len(stack.first)), bool)
     along = normals if directions is None else directions
     photos = stack.pixels, stack.first, stack.rows, stack.cols, stack.cameras
     with thread_pool() as parallel_for:
         parallel_for(
             _match, n, *photos, points, normals, along, seen, sample_mm, step_mm, steps,
-            offset, sigma, agreement, views, block=512,
+            offset, sigma, agreement, agrees, block=512,
         )  # fmt: skip
-    return Matches(offset, sigma, agreement, views)
+    return Matches(offset, sigma, agreement, agrees)
 
 
 @njit(cache=True, nogil=True)
 def _match(  # type: ignore[no-untyped-def]
     begin, end, pixels, first, rows, cols, cameras, points, normals, directions, seen, sample, step, steps,
-    offset, sigma, agreement, views,
+    offset, sigma, agreement, agrees,
 ):  # fmt: skip
     side = 2 * RADIUS + 1
     size = side * side
@@ -172,7 +172,8 @@ def _match(  # type: ignore[no-untyped-def]
             if score[k] > score[best]:
                 best = k
         agreement[i] = score[best]
-        views[i] = many
+        for v in range(len(first)):
+            agrees[i, v] = used[v]
         if 0 < best < tried - 1:
             down, here, up = score[best - 1], score[best], score[best + 1]
             bend = 2 * here - down - up

@@ -13,6 +13,7 @@ from scipy.spatial import cKDTree
 
 from planish.acquire.grid_mesh import AcquiredScan
 from planish.acquire.photos.camera_poses import MIN_POINTS, CameraPoses, Lens, find_camera_poses, scaled_pose
+from planish.acquire.photos.marked_places import MarkedPlaces, places_on_sheet
 from planish.acquire.photos.marker_scale import scale_from_markers
 from planish.acquire.photos.markers import find_markers
 from planish.acquire.photos.outline import clip_mesh, distance_inside
@@ -33,6 +34,11 @@ FEWEST_VIEWS = 3
 along an epipolar line."""
 NEAR_CELLS = 3.0
 """Places of the sheet are measured if something was, so near to them."""
+ALIKE = 0.88
+"""Least share of the places of print at which a photo must agree with the others: 0.96 and more in sets of one sheet,
+at most 0.82 for the photos that do not belong to most others (docs/design-notes.md)."""
+MOST_UNLIKE = 1 / 3
+"""Share of the photos from which on unlike ones are not left out, but the set is refused."""
 WARNED_MM = 0.25
 """Length that may be missing at sharp bends from which a user is warned. Letters folded in three have 0.04, an open
 book with a gutter of 118 degrees 0.1, a Miura fold 0.27, a crumpled sheet 0.37; their pages are 0.1, 0.2, 0.7 and
@@ -55,6 +61,8 @@ class SourcePhoto:
     lens : Camera or None
         A calibrated lens; its pose does not count.
     icc : bytes or None
+    marked_xy : (2, 2) float64 or None [px]
+        Column and row of two places whose distance is known.
     """
 
     name: str
@@ -62,6 +70,7 @@ class SourcePhoto:
     focal_px: float | None = None
     lens: Camera | None = None
     icc: bytes | None = None
+    marked_xy: Floats | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,11 +84,14 @@ class PhotosScan:
     views : (n,) int32
         How many photos see each point of the mesh.
     report : PhotosReport
+    marked : MarkedPlaces or None
+        Places of the sheet whose distance is known.
     """
 
     acquired: AcquiredScan
     views: NDArray[np.int32]
     report: PhotosReport
+    marked: MarkedPlaces | None = None
 
     def scaled(self, factor: float, scale: str, scale_error: float) -> PhotosScan:
         """The same at another size, from another source."""
@@ -123,7 +135,8 @@ def from_photos(
     photos : sequence of SourcePhoto
         Two or more, in any order, of the sheet lying still.
     settings : PhotoSettings, optional
-        `paper` and `marker_mm` set the size; `width_mm` must be applied afterwards, when it is known which way is up.
+        `paper` and `marker_mm` set the size; `width_mm` and `distance_mm` are known of the flat page, and are applied
+        afterwards by `planish.pipeline.scale`.
     cameras : sequence of Camera, optional
         Of all photos, in mm, where they are known.
     progress : callable, optional
@@ -145,7 +158,6 @@ def from_photos(
     poses = _poses(photos, grey, cameras)
     done(0.4)
     used = [k for k, camera in enumerate(poses.cameras) if camera is not None]
-    left_out = [photo.name for k, photo in enumerate(photos) if k not in used]
     with ThreadPoolExecutor(get_num_threads()) as pool:  # OpenCV releases the GIL
         papers = list(pool.map(lambda k: find_paper(to_uint8(photos[k].pixels)), used))
     poses, scale, scale_error, warnings = _to_mm(poses, photos, used, s, known=cameras is not None)
@@ -154,14 +166,17 @@ def from_photos(
     done(0.5)
     blanked = [grey[k] if paper is None else paper.blanked(grey[k]) for k, paper in zip(used, papers, strict=True)]
     surface = find_surface(blanked, papers, placed, points, lambda share: done(0.5 + 0.5 * share))
-    mesh, views, near = _cut_out(surface)
+    alike, unlike = _of_one_sheet(surface.likeness, [photos[k].name for k in used])
+    warnings += unlike
+    used, placed, papers = [used[k] for k in alike], [placed[k] for k in alike], [papers[k] for k in alike]
+    mesh, views, near = _cut_out(replace(surface, seen=surface.seen[:, alike]))
     measured = np.clip(2 - near / (NEAR_CELLS * surface.grid.spacing), 0, 1)
     area = np.linalg.norm(area_vectors(mesh.points, mesh.faces), axis=1)
     error = float(np.median(surface.measured.sigma))
     report = PhotosReport(
         photos=len(photos),
         used=len(used),
-        left_out=left_out,
+        left_out=[photo.name for k, photo in enumerate(photos) if k not in used],
         scale=scale,
         scale_error=scale_error,
         focal_px=float(placed[0].matrix[0, 0]),
@@ -172,8 +187,10 @@ def from_photos(
         lost_at_bends_mm=surface.lost_at_bends(),
     )
     scan = _scan(mesh, [photos[k] for k in used], placed)
-    warnings += _notes(report, papers, [photos[k].name for k in used], len(photos))
-    found = PhotosScan(AcquiredScan(scan, measured, error, tuple(warnings)), views, report)
+    unplaced = [photo.name for photo, camera in zip(photos, poses.cameras, strict=True) if camera is None]
+    warnings += _notes(report, papers, unplaced)
+    marked = _marked(mesh, photos, poses.cameras)
+    found = PhotosScan(AcquiredScan(scan, measured, error, tuple(warnings)), views, report, marked)
     if s.paper != "unknown":
         return found.scaled(float(np.sqrt(np.prod(PAPERS_MM[s.paper]) / _area(mesh))), "paper", PAPER_ERROR)
     return found
@@ -188,13 +205,17 @@ def _landscape(
     turned = []
     for photo in photos:
         upright = photo.pixels.shape[0] > photo.pixels.shape[1] and photo.lens is None
-        turned.append(replace(photo, pixels=_on_its_side(photo.pixels)) if upright else photo)
+        turned.append(_on_its_side(photo) if upright else photo)
     return turned, None
 
 
-def _on_its_side(pixels: Pixels) -> Pixels:
-    turned = np.rot90(pixels)
-    return turned.astype(np.uint8) if pixels.dtype == np.uint8 else turned.astype(np.uint16)
+def _on_its_side(photo: SourcePhoto) -> SourcePhoto:
+    turned = np.rot90(photo.pixels)
+    pixels = turned.astype(np.uint8) if photo.pixels.dtype == np.uint8 else turned.astype(np.uint16)
+    if photo.marked_xy is None:
+        return replace(photo, pixels=pixels)
+    x, y = photo.marked_xy.T
+    return replace(photo, pixels=pixels, marked_xy=np.stack([y, photo.pixels.shape[1] - 1 - x], axis=1))
 
 
 def _poses(
@@ -260,6 +281,34 @@ def _points_of_sheet(poses: CameraPoses, cameras: Sequence[Camera], papers: Sequ
     return points
 
 
+def _of_one_sheet(likeness: Floats, names: Sequence[str]) -> tuple[list[int], list[Diagnostic]]:
+    """Which photos show the same sheet, and a warning that names the others.
+
+    Raises
+    ------
+    InputError
+        If too many do not: then nobody can know which of them show the sheet.
+    """
+    alike = [k for k, share in enumerate(likeness) if share >= ALIKE]
+    unlike = [k for k, share in enumerate(likeness) if share < ALIKE]
+    if not unlike:
+        return alike, []
+    percent = 100 * likeness[unlike]
+    found = f"{percent.min():.0f}" if len(unlike) == 1 else f"{percent.min():.0f} to {percent.max():.0f}"
+    listed = ", ".join(names[k] for k in unlike)
+    if len(unlike) > MOST_UNLIKE * len(names):
+        raise InputError(
+            f"the photos show different sheets, or a sheet that was moved or bent between them: {listed} show the same "
+            f"as the others at only {found} % of the places of print that they should share",
+            "give photos of one sheet that lay still",
+        )
+    sentence = (
+        f"{listed} {'shows' if len(unlike) == 1 else 'show'} the same as the other photos at only {found} % of the "
+        "places of print: another sheet, or the sheet was moved or bent in between; left out"
+    )
+    return alike, [Diagnostic("photos-unlike", sentence, "take photos of one sheet that lies still")]
+
+
 def _cut_out(surface: SheetSurface) -> tuple[Mesh, NDArray[np.int32], Floats]:
     """The sheet within its outline: mesh, photos that see each point, distance to what was measured."""
     nodes = surface.grid.to_space(surface.heights)
@@ -275,6 +324,19 @@ def _cut_out(surface: SheetSurface) -> tuple[Mesh, NDArray[np.int32], Floats]:
     views = surface.seen.sum(axis=1)[ends].max(axis=1).astype(np.int32)
     near = cKDTree(surface.measured.points).query(points)[0]
     return Mesh.owned(points, faces), views, near
+
+
+def _marked(mesh: Mesh, photos: Sequence[SourcePhoto], cameras: Sequence[Camera | None]) -> MarkedPlaces | None:
+    for photo, camera in zip(photos, cameras, strict=True):
+        if photo.marked_xy is None:
+            continue
+        if camera is None:
+            raise InputError(
+                f"the places were marked in {photo.name}, which shows too little in common with the other photos; mark "
+                "them in another"
+            )
+        return places_on_sheet(mesh, camera, photo.marked_xy, photo.name)
+    return None
 
 
 def _area(mesh: Mesh) -> float:
@@ -296,7 +358,7 @@ def _scan(mesh: Mesh, photos: Sequence[SourcePhoto], cameras: Sequence[Camera]) 
     )
 
 
-def _notes(report: PhotosReport, papers: Sequence[Paper | None], names: Sequence[str], count: int) -> list[Diagnostic]:
+def _notes(report: PhotosReport, papers: Sequence[Paper | None], unplaced: Sequence[str]) -> list[Diagnostic]:
     """What a user should know of the photos, the gravest first."""
     notes = []
     if report.scale == "unknown":
@@ -313,14 +375,13 @@ def _notes(report: PhotosReport, papers: Sequence[Paper | None], names: Sequence
             "two too short across it"
         )
         notes.append(Diagnostic("bends-bridged", sentence, "smooth the sheet there, or use a scanner"))
-    if report.left_out:
+    if unplaced:
         sentence = (
-            f"{len(report.left_out)} of {count} photos show too little in common with the others and were left out: "
-            f"{', '.join(report.left_out)}"
+            f"{len(unplaced)} of {report.photos} photos show too little in common with the others and were left out: "
+            f"{', '.join(unplaced)}"
         )
         notes.append(Diagnostic("photos-left-out", sentence))
-    plain = [name for name, paper in zip(names, papers, strict=True) if paper is None]
-    if len(plain) == len(names):
+    if all(paper is None for paper in papers):
         sentence = "the sheet does not stand out from its ground on any photo, so its borders are those of its print"
         notes.append(Diagnostic("sheet-not-found", sentence, "lay it on something of another colour"))
     return notes

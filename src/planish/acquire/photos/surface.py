@@ -125,6 +125,8 @@ class SheetSurface:
         Distance from the sheet's outline; negative outside.
     measured : Measured
     seen : (rows cols, photos) bool
+    likeness : (photos,) float64
+        Share of the matched places, of those that a photo sees, at which it agrees with the others.
     pixel_mm : float
     """
 
@@ -133,6 +135,7 @@ class SheetSurface:
     inside_mm: Floats
     measured: Measured
     seen: Bools
+    likeness: Floats
     pixel_mm: float
 
     def within_points(self, nodes: Floats) -> Floats:
@@ -204,13 +207,13 @@ def find_surface(
             seen, inside = _seen_and_inside(grid, heights, cameras, papers)
             active = _active(inside, RIM_CELLS * grid.spacing)
             looked_at = seen & active.reshape(-1, 1)
-            fresh = _match(grid, heights, cameras, stack, looked_at, reduction * pixel_mm, level)
+            fresh, likeness = _match(grid, heights, cameras, stack, looked_at, reduction * pixel_mm, level)
             fresh = replace(fresh, sigma=np.maximum(fresh.sigma, SIGMA_PX * pixel_mm))
             measured = _merged(_merged(fresh, sparse), coarse)
             heights = _fit(grid, measured, heights, pixel_mm, active)
         progress((number + 1) / len(LEVELS))
     seen, inside = _seen_and_inside(grid, heights, cameras, papers)
-    return SheetSurface(grid, heights, inside, measured, seen, pixel_mm)
+    return SheetSurface(grid, heights, inside, measured, seen, likeness, pixel_mm)
 
 
 def _seen_and_inside(
@@ -230,7 +233,7 @@ def _match(
     seen: Bools,
     sample_mm: float,
     level: Level,
-) -> Measured:
+) -> tuple[Measured, Floats]:
     """Places where the photos agree, near the present surface; where they do not, with tilted patches too."""
     nodes, normals = grid.to_space(heights), grid.normals(heights)
     found = match_patches(stack, nodes, normals, seen, sample_mm, STEP * sample_mm, level.steps)
@@ -251,7 +254,8 @@ def _match(
     good = (agreement > AGREEMENT) & (sigma < UNSURE * sample_mm)
     good = _without_speckles(np.where(good, offset / (STEP * sample_mm), np.nan).reshape(grid.shape_rc)).ravel()
     places = (nodes + offset[:, None] * normals)[good]
-    return Measured(places, sigma[good], np.full(len(places), RADIUS * sample_mm))
+    likeness = (found.agrees & seen)[good].sum(axis=0) / np.maximum(seen[good].sum(axis=0), 1)
+    return Measured(places, sigma[good], np.full(len(places), RADIUS * sample_mm)), likeness
 
 
 def _without_speckles(steps: Floats) -> Bools:
