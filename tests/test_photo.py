@@ -15,6 +15,7 @@ from planish.photo.borders import find_borders
 from planish.photo.cylinder import Cylinder, page_to_space, photo_to_page, space_to_photo
 from planish.photo.fit import ANGLE_COEFFICIENTS, Observations, fit, start
 from planish.photo.residual_warp import ResidualWarp, fit_warp, identity_warp
+from planish.photo.sheet_region import sheet_regions
 from planish.photo.working_image import WorkingImage, working_image
 from planish.settings import PhotoSettings
 
@@ -330,7 +331,7 @@ def test_a_sheet_with_a_corner_at_the_rim_of_the_photo_is_seen_whole():
     photo = np.full((1600, 1200, 3), 90, np.uint8)
     corners = np.array([[470, 12], [1185, 330], [760, 1585], [-4, 1240]])
     cv2.fillConvexPoly(photo, corners.astype(np.int32), (225, 225, 222))
-    found = find_borders(photo, None)
+    found = find_borders(sheet_regions(photo, None), 0.0)
     assert found is not None
     begins = np.array([side[0] for side in found.sides])
     away = np.linalg.norm(begins[:, None] - corners[None], axis=2).min(axis=1)

@@ -232,7 +232,8 @@ class RenderSettings:
     Attributes
     ----------
     dpi : float or "auto"
-        Page pixels per 25.4 mm. auto: the median resolution of the photo on the page, rounded to a usual value.
+        Page pixels per 25.4 mm. auto: a usual value that keeps the median resolution of the photo on the page; 1.5
+        times that, and more, below 200.
     """
 
     dpi: float | Literal["auto"] = 300.0
@@ -327,6 +328,9 @@ class PhotoSettings:
         Width of the sheet, or of the rendered part if its borders are not visible. One photo does not determine it.
     paper : {"unknown", "a3", "a4", "a5", "letter", "legal"}
         Size of the sheet, if all of its borders are visible; it also corrects the aspect ratio.
+    pages : {"1", "2", "auto"}
+        Of one photo of an open book. auto: the larger page, where a dark gutter that no line of text crosses parts it
+        from a facing one. 2: both. 1: all that is seen, as one sheet.
     marker_mm : float, optional
         With several photos: side of the black squares of printed ArUco markers (DICT_4X4_50) beside the sheet, such
         as the card of `planish calibrate card`.
@@ -340,6 +344,7 @@ class PhotoSettings:
     shape: PhotoShape = "auto"
     width_mm: float | None = None
     paper: Paper = "unknown"
+    pages: Pages = "auto"
     marker_mm: float | None = None
     distance_mm: float | None = None
     between: tuple[str, float, float, float, float] | None = None

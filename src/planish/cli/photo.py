@@ -44,7 +44,7 @@ def photo(
         or PPM; with the extra `planish[photos]` also HEIC and raw.
     output
         The page to write: .tif, .png, .jpg or .pdf; with its dpi as metadata if --marker-mm, --width-mm, --paper
-        or --distance-mm is given.
+        or --distance-mm is given. With --pages 2 this and the other outputs become NAME-1 and NAME-2.
     camera
         With several photos: one calibrated lens that took all of them (JSON), or a file with the cameras of all photos
         by name. Default: found from the photos.
@@ -80,7 +80,7 @@ def photo(
         write_unscaled_page,
     )
     from planish.io.photo_set import photo_files
-    from planish.job.photo_sheet import shape_of_one, shape_of_several
+    from planish.job.photo_sheet import shape_of_several, shapes_of_one
     from planish.job.stage_images import write_stages
     from planish.pipeline import restore
     from planish.settings import RestoreSettings
@@ -89,6 +89,8 @@ def photo(
     several = len(files) > 1
     if not several and (camera is not None or shape.marker_mm is not None or shape.distance_mm is not None):
         raise UsageError("--camera, --marker-mm and --distance-mm are for several photos; one photo was given")
+    if several and shape.pages == "2":
+        raise UsageError("--pages 2 is for one photo of facing pages; several photos show one sheet")
     if several and shape.shape != "auto":
         raise UsageError(f"--shape {shape.shape} is for one photo; several photos measure the shape")
     for path in (output, *([binary] if binary is not None else [])):
@@ -97,28 +99,49 @@ def photo(
         raise UsageError(
             "a binarized page was requested, but the binarization method is none", "name a method with {binarize}"
         )
-    outputs = [path for path in (output, binary, report) if path is not None]
-    for path in outputs:
-        check_writable(path, overwrite=overwrite)
+    count = 2 if shape.pages == "2" else 1
+    for written_to in (output, binary, report):
+        for name in page_names(written_to, count) if written_to is not None else []:
+            check_writable(name, overwrite=overwrite)
     if binary is None and stages is None:
         binarizing = replace(binarizing, binarize="none")
     settings = RestoreSettings(render=rendering, shading=shading, binarize=binarizing, rotate=rotate)
+    finished = []
     with progress_bar(quiet=quiet) as progress, all_or_nothing():
-        sheet = shape_of_several(files, shape, camera, progress) if several else shape_of_one(files[0], shape, progress)
-        restoration = restore(sheet.scan, settings, progress, way_up)
-        start = perf_counter()
-        progress("write", 0.0)
-        page = restoration.page
-        assert page is not None
-        write = write_page if sheet.scaled else write_unscaled_page
-        write(output, page)
-        if binary is not None:
-            assert restoration.binary is not None
-            write(binary, restoration.binary)
-        if stages is not None:
-            outputs += write_stages(stages, restoration, sheet.measured)
-        final_report = sheet.completed(restoration, perf_counter() - start)
-        if report is not None:
-            write_json(report, final_report)
-    print_report(final_report, [str(path) for path in outputs], quiet=quiet, verbose=verbose)
-    return final_report.settled
+        sheets = (
+            [shape_of_several(files, shape, camera, progress)] if several else shapes_of_one(files[0], shape, progress)
+        )
+        for k, sheet in enumerate(sheets):
+            restoration = restore(sheet.scan, settings, progress, way_up)
+            start = perf_counter()
+            progress("write", 0.0)
+            assert restoration.page is not None
+            write = write_page if sheet.scaled else write_unscaled_page
+            written = [page_names(output, count)[k]]
+            write(written[0], restoration.page)
+            if binary is not None:
+                assert restoration.binary is not None
+                written.append(page_names(binary, count)[k])
+                write(written[-1], restoration.binary)
+            if report is not None:
+                written.append(page_names(report, count)[k])
+            if stages is not None:
+                written += write_stages(page_names(stages, count)[k], restoration, sheet.measured)
+            completed = sheet.completed(restoration, perf_counter() - start)
+            if report is not None:
+                write_json(page_names(report, count)[k], completed)
+            finished.append((completed, written))
+    for completed, written in finished:
+        print_report(completed, [str(path) for path in written], quiet=quiet, verbose=verbose)
+    return all(completed.settled for completed, _ in finished)
+
+
+def page_names(path: Path, count: int) -> list[Path]:
+    """NAME, or NAME-1 and NAME-2, whatever the format: each page has its own size and report.
+
+    Examples
+    --------
+    >>> [name.name for name in page_names(Path("book.tif"), 2)]
+    ['book-1.tif', 'book-2.tif']
+    """
+    return [path] if count == 1 else [path.with_name(f"{path.stem}-{k + 1}{path.suffix}") for k in range(count)]

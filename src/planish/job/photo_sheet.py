@@ -42,24 +42,27 @@ class PhotographedSheet:
         return replace(report, seconds=seconds, seconds_total=sum(seconds.values()))
 
 
-def shape_of_one(file: Path, settings: PhotoSettings, progress: Progress) -> PhotographedSheet:
-    """Estimate the shape of a sheet from one photo."""
+def shapes_of_one(file: Path, settings: PhotoSettings, progress: Progress) -> list[PhotographedSheet]:
+    """Estimate the shape of a sheet from one photo; of both facing pages if they are asked for."""
     from planish.io import focal_length_px, read_photo
-    from planish.photo import find_shape
+    from planish.photo import PhotoShape, find_shapes
 
     start = perf_counter()
     progress("read", 0.0)
     image = read_photo(file, upright=True)
     read_at = perf_counter()
     progress("shape", 0.0)
-    sheet = find_shape(image.pixels, settings, focal_px=focal_length_px(file), icc=image.icc)
+    sheets = find_shapes(image.pixels, settings, focal_px=focal_length_px(file), icc=image.icc)
     seconds = {"read": read_at - start, "shape": perf_counter() - read_at}
 
-    def complete(restoration: Restoration) -> Report:
-        warnings = [*image.warnings, *sheet.warnings, *restoration.report.warnings]
-        return replace(restoration.report, photo=sheet.report, warnings=warnings)
+    def photographed(sheet: PhotoShape) -> PhotographedSheet:
+        def complete(restoration: Restoration) -> Report:
+            warnings = [*image.warnings, *sheet.warnings, *restoration.report.warnings]
+            return replace(restoration.report, photo=sheet.report, warnings=warnings)
 
-    return PhotographedSheet(sheet.scan, sheet.report.scale != "unknown", seconds, complete)
+        return PhotographedSheet(sheet.scan, sheet.report.scale != "unknown", seconds, complete)
+
+    return [photographed(sheet) for sheet in sheets]
 
 
 def shape_of_several(

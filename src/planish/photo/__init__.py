@@ -1,5 +1,5 @@
 """Shape from a single photo: text lines, sheet borders or shading give a scan like any other."""
 
-from planish.photo.shape import PhotoShape, find_shape
+from planish.photo.shape import PhotoShape, find_shape, find_shapes
 
-__all__ = ["PhotoShape", "find_shape"]
+__all__ = ["PhotoShape", "find_shape", "find_shapes"]

@@ -1,7 +1,8 @@
-"""Detect the outline of a whole sheet on a photo: four corners and the sides between them."""
+"""Detect the outline of the sheet on a photo: four corners and the sides between them, each judged by itself."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -9,48 +10,59 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from planish.color import to_uint8
 from planish.geometry.guards import normalize
-from planish.photo.lines import TextLines
-from planish.types import Bools, Floats, Pixels
+from planish.photo.gutter import Gutter
+from planish.photo.sheet_region import SheetRegion
+from planish.types import Bools, Floats
 
-LONG_SIDE = 560
-"""Long side of the downsampled image for segmentation [px]."""
-RIM = 2
-"""Width of the image rim, in its pixels."""
-REACHES = 0.1
-"""Largest share of the rim that a whole sheet may touch; beyond it the sheet is cropped."""
-COLOUR = 2.0
-"""Weight of chroma against lightness: shadows change lightness only."""
 LEAST_AREA = 0.08
 """Least share of the photo covered by the sheet."""
-FULL = 0.88
+FULL = 0.75
 """Least overlap of the sheet and the quadrilateral of its corners, relative to either."""
 SMOOTH = 0.012
 """Largest rms distance of a side from a smooth curve, relative to its length."""
+SHORTEST = 20.0
+"""Length of the shortest side [px of the downsampled image]."""
+BOWED = 0.25
+"""Largest distance of a side from its chord, relative to that."""
+MOST_OF_IT = 0.6
+"""Least share of a side that must follow a smooth curve: a folded corner or a finger costs the rest."""
 PER_SIDE = 60
 """Positions sampled per side."""
 CORNER = 0.03
 """Share of a side dropped at each end: smoothing rounds corners."""
 BRIGHTER = 12.0
 """Least difference between the inside and outside of a side [levels of 255]."""
+AT_RIM = 3.0
+"""Distance from the photo's edge within which the sheet is cut off by it [px of the downsampled image]."""
 TILED = 40
 """Most vertices of the hull from which corners are chosen."""
+NAMES = ("top", "right", "bottom", "left")
 
 
 @dataclass(frozen=True, eq=False)
 class Borders:
-    """Sides of a sheet on the photo.
+    """Outline and sides of a sheet on the photo.
 
     Attributes
     ----------
-    sides : tuple of four (k, 2) float64 [photo px]
-        Top, right, bottom and left, each in clockwise order; top as the text reads, or as the photo shows it.
+    sides : sequence of four (k, 2) float64 [photo px]
+        Top, right, bottom and left, each in clockwise order; top as the text reads, or as the photo shows it. Of a
+        plain side only what is smooth.
+    plain : sequence of four bool
+        Whether a side is the sheet's edge, seen on most of its length.
+    cropped : sequence of four bool
+        Whether the photo's edge cuts the sheet off there.
+    outline : (n, 2) float64 [photo px]
+        Of all that belongs to the sheet.
     sigma_px : float [photo px]
         Standard deviation of a position across its side: a pixel of the downsampled image.
     """
 
-    sides: tuple[Floats, Floats, Floats, Floats]
+    sides: Sequence[Floats]
+    plain: Sequence[bool]
+    cropped: Sequence[bool]
+    outline: Floats
     sigma_px: float
 
     @property
@@ -61,66 +73,51 @@ class Borders:
         return float(np.arctan2(along_side[1], along_side[0]))
 
 
-def find_borders(photo: Pixels, lines: TextLines | None) -> Borders | None:
-    """Detect the outline of the sheet; None if there is none with four sides.
+def find_borders(regions: Iterable[SheetRegion], angle: float, gutter: Gutter | None = None) -> Borders | None:
+    """Detect the outline of the sheet; None if there is none with four corners.
 
-    A watershed (Meyer 1991) on smoothed lightness and chroma, seeded by the text (or the centre of the photo) and by
-    the photo's rim.
+    Every side is judged by itself: it is plain if most of it is smooth and differs from what lies outside. Of the
+    segmentations that with most plain sides is taken, the first if several have as many.
+
+    Parameters
+    ----------
+    regions : iterable of SheetRegion
+        See `sheet_regions`; the next is asked for only while a side is not plain.
+    angle : float [rad]
+        Direction of the text on the photo: the top side is the most parallel to it.
+    gutter : Gutter, optional
+        Where another page follows: that is no side.
     """
-    small, step = _small(photo)
-    inside = _segment(small, lines, step)
-    outline = _outline(inside)
+    best = None
+    for region in regions:
+        found = _borders_of(region, angle, gutter)
+        if found is not None and (best is None or sum(found.plain) > sum(best.plain)):
+            best = found
+        if best is not None and all(best.plain):
+            break
+    return best
+
+
+def _borders_of(region: SheetRegion, angle: float, gutter: Gutter | None) -> Borders | None:
+    """The sides of a region."""
+    outline = _outline(region.inside)
     if outline is None:
         return None
     corners = _corners(outline)
-    if corners is None or not _covers(corners, inside):
+    if corners is None:
         return None
-    sides = [_sample_side(outline, corners[k], corners[(k + 1) % 4]) for k in range(4)]
-    if not all(_is_smooth(side) and _has_contrast(small, side) for side in sides):
-        return None
-    first = _top_side(corners, 0.0 if lines is None else lines.angle)
-    on_photo = [(side + 0.5) * step - 0.5 for side in sides]
-    top, right, bottom, residual = (on_photo[(first + k) % 4] for k in range(4))
-    return Borders((top, right, bottom, residual), step)
-
-
-def _small(photo: Pixels) -> tuple[NDArray[np.uint8], float]:
-    """Downsampled photo in Lab with chroma amplified, and its pixel size [photo px]."""
-    step = max(1.0, max(photo.shape[:2]) / LONG_SIDE)
-    size = (max(8, round(photo.shape[1] / step)), max(8, round(photo.shape[0] / step)))
-    rough = max(1, int(step / 3))
-    part = to_uint8(photo[::rough, ::rough])  # averaging 48 million pixels would take most of the time
-    small = cv2.resize(np.ascontiguousarray(part), size, interpolation=cv2.INTER_AREA)
-    lab = cv2.cvtColor(cv2.medianBlur(small, 5), cv2.COLOR_RGB2LAB).astype(np.float32)
-    lab[..., 1:] = 128 + COLOUR * (lab[..., 1:] - 128)
-    return np.clip(lab, 0, 255).astype(np.uint8), step
-
-
-def _segment(small: NDArray[np.uint8], lines: TextLines | None, step: float) -> Bools:
-    """Segment the sheet: what belongs to the text, or the centre of the photo, rather than to its rim."""
-    rows, cols = small.shape[:2]
-    markers = np.zeros((rows, cols), np.int32)
-    if lines is None:
-        cv2.ellipse(markers, (cols // 2, rows // 2), (cols // 8, rows // 8), 0, 0, 360, 1, -1)
-    else:
-        hull = cv2.convexHull((lines.photo_xy / step).astype(np.float32)).astype(np.int32)
-        cv2.fillConvexPoly(markers, hull, 1)
-    markers[_background(small, markers == 1) & (markers == 0)] = 2
-    smooth = cv2.bilateralFilter(small, 7, 30, 3)
-    cv2.watershed(smooth, markers)
-    return np.asarray(markers == 1)
-
-
-def _background(small: NDArray[np.uint8], sheet: Bools) -> Bools:
-    """Background marker: the photo's rim except where the sheet touches it."""
-    rim = np.ones(sheet.shape, bool)
-    rim[RIM:-RIM, RIM:-RIM] = False
-    paper_level, ground = np.median(small[sheet], axis=0), np.median(small[rim], axis=0)
-    from_paper = np.linalg.norm(small - paper_level, axis=2)
-    alike = rim & (from_paper < 0.5 * np.linalg.norm(ground - paper_level))
-    if alike.sum() > REACHES * rim.sum():
-        return rim
-    return rim & ~cv2.dilate(alike.astype(np.uint8), np.ones((4 * RIM + 1,) * 2, np.uint8)).astype(bool)
+    whole = _covers(corners, region.inside)
+    sampled = [_sample_side(outline, corners[k], corners[(k + 1) % 4]) for k in range(4)]
+    on_rim = [_on_rim(side, region.inside.shape) for side in sampled]
+    first = _top_side(corners, angle)
+    sides, plain, cropped = [], [], []
+    for k in range(first, first + 4):
+        side, rim = sampled[k % 4], on_rim[k % 4]
+        smooth = _smooth_part(side, rim | _on_gutter(region, side, gutter)) if whole else None
+        plain.append(smooth is not None and _has_contrast(region.small, smooth))
+        cropped.append(bool(rim.mean() > 0.5))
+        sides.append(region.to_photo(side if smooth is None else smooth))
+    return Borders(tuple(sides), tuple(plain), tuple(cropped), region.to_photo(outline), region.step)
 
 
 def _outline(inside: Bools) -> Floats | None:
@@ -175,16 +172,42 @@ def _sample_side(outline: Floats, begin: Floats, end: Floats) -> Floats:
     return evenly_spaced
 
 
-def _is_smooth(side: Floats) -> bool:
-    """Whether a side is close to a polynomial of degree 5 over its chord."""
+def _on_rim(side: Floats, shape_rc: tuple[int, ...]) -> Bools:
+    """Which positions of a side lie on the photo's edge: the sheet goes on beyond."""
+    rows, cols = shape_rc[:2]
+    return np.asarray(((side < AT_RIM) | (side > np.array([cols, rows]) - 1 - AT_RIM)).any(axis=1))
+
+
+def _on_gutter(region: SheetRegion, side: Floats, gutter: Gutter | None) -> Bools:
+    """Which positions of a side lie where the page was parted from the facing one."""
+    if gutter is None:
+        return np.zeros(len(side), bool)
+    away = np.abs((region.to_photo(side) - gutter.point) @ gutter.across)
+    return np.asarray(away < (1 + AT_RIM) * region.step)
+
+
+def _smooth_part(side: Floats, cut_off: Bools) -> Floats | None:
+    """The part of a side that is close to a polynomial over its chord; None if that is too little.
+
+    Of degree 5 through all of it, or of degree 3 through most of it (least absolute deviations).
+    """
     chord = side[-1] - side[0]
     length = float(np.linalg.norm(chord))
-    if length < 20:
-        return False
+    free = ~cut_off
+    if length < SHORTEST or free.mean() < MOST_OF_IT:
+        return None
     along = (side - side[0]) @ chord / length**2
     offset = (side - side[0]) @ np.array([-chord[1], chord[0]]) / length**2
-    residual = offset - np.polyval(np.polyfit(along, offset, 5), along)
-    return bool(np.sqrt((residual**2).mean()) < SMOOTH and np.abs(offset).max() < 0.25)
+    if np.abs(offset).max() > BOWED:
+        return None
+    if free.all() and np.sqrt(((offset - np.polyval(np.polyfit(along, offset, 5), along)) ** 2).mean()) < SMOOTH:
+        return side
+    weight = free.astype(float)
+    for _ in range(20):
+        away = np.abs(offset - np.polyval(np.polyfit(along, offset, 3, w=np.sqrt(weight)), along))
+        weight = free / np.maximum(away, 0.1 * SMOOTH)
+    near = free & (away < SMOOTH)
+    return side[near] if near.mean() > MOST_OF_IT else None
 
 
 def _has_contrast(small: NDArray[np.uint8], side: Floats) -> bool:

@@ -50,9 +50,9 @@ class Observations:
     evenly_spaced : (k, 3) int32
         Triples of consecutive, evenly spaced groups.
     sides : (4,) int32 or None
-        Groups of the sheet's top, right, bottom and left sides.
+        Groups of the sheet's top, right, bottom and left sides; -1 for sides that are not observed.
     ratio : float or None
-        Aspect ratio, width / height, if known.
+        Aspect ratio, width / height, if known and all sides are observed.
     """
 
     photo_xy: Floats

@@ -10,26 +10,21 @@ from scipy.spatial import ConvexHull, QhullError
 from planish.errors import InputError
 from planish.geometry.guards import TINY_SHARE
 from planish.photo.borders import Borders
-from planish.photo.cylinder import Cylinder, photo_to_page
+from planish.photo.cylinder import Cylinder
 from planish.photo.fit import BOUND_ANGLE, LOOSE_ANGLE, CylinderFit, Observations, fit, no_observations, start
 from planish.photo.line_grouping import group_rows_and_margins, line_observations
 from planish.photo.lines import TextLines
+from planish.photo.page_extent import region_extent, text_extent
 from planish.photo.residual_warp import PageWarp, fit_warp, identity_warp
 from planish.photo.surface import cell_centres
 from planish.types import Floats
 
-AROUND = 3.0
-"""Margin drawn around the text where sheet borders are unknown, in letter heights."""
-BESIDE = 5.0
-"""Distance, in letter heights, within which text fragments are added to the text area."""
-FRAGMENT_ROUNDS = 3
-"""Repetitions of that, from fragment to fragment."""
-MOST = 0.5
-"""Least share of line ends whose rays meet the sheet; below it the fit failed."""
-LEVEL = 0.5
-"""Largest slope of a level fragment, in letter heights."""
 PAGE_OF_TEXT = 150
 """Least number of letters from which a bound page is tried."""
+FAINTLY = 0.1
+"""Least weight of a letter in the text's residual, however badly it fits."""
+AGAINST_TEXT = 1.3
+"""Ratio of the text's residual with some sides to that without, from which the sides are no sides of this page."""
 STIFFNESS = 3.0
 """Regularisation of the residual warp: a second difference of one sigma costs as much as so many letters displaced by
 one sigma."""
@@ -63,14 +58,18 @@ class FittedSheet:
     shade: float | None = None
 
 
-def from_lines(lines: TextLines, focal: float, centre: Floats) -> FittedSheet:
-    """Fit the sheet to its text lines alone."""
+def from_lines(lines: TextLines, borders: Borders | None, focal: float, centre: Floats) -> FittedSheet:
+    """Fit the sheet to its text lines alone; borders, if any, give its extent."""
+    found, observations = _fit_lines(lines, focal, centre)
+    low, high = _page_corners(found, observations, borders, lines)
+    return add_warp(found, observations, low, high, bordered=False)
+
+
+def _fit_lines(lines: TextLines, focal: float, centre: Floats) -> tuple[CylinderFit, Observations]:
     observations = line_observations(lines)
     first = fit(start(observations, lines.angle, focal, centre, across=False), observations, rounds=3)
     observations = group_rows_and_margins(lines, first)
-    second = fit(first.cylinder, observations)
-    low, high = _page_corners(lines, second.cylinder)
-    return add_warp(second, observations, low, high, bordered=False)
+    return fit(first.cylinder, observations), observations
 
 
 def from_borders(
@@ -81,7 +80,10 @@ def from_borders(
     *,
     ratio: float | None = None,
 ) -> FittedSheet:
-    """Fit the sheet to its borders and, if any, its text lines.
+    """Fit the sheet to its plain sides and, if any, its text lines.
+
+    Where not all sides are plain, those that are may be of leaves below or of shadows; if the text says so, it is
+    fitted alone.
 
     Starts bent along the text lines, across them, and as a bound page are tried; the best fit is kept.
 
@@ -92,25 +94,48 @@ def from_borders(
     focal : float [px]
     centre : (2,) float64 [px]
     ratio : float, optional
-        Aspect ratio, width / height.
+        Aspect ratio, width / height, if all sides are plain.
     """
     observations = _border_observations(borders, lines, ratio)
     tries = [_fit_loose_sheet(borders, observations, focal, centre, across=across) for across in (False, True)]
     if lines is not None and len(lines.line) >= PAGE_OF_TEXT:
-        bound = from_lines(lines, focal, centre).cylinder
+        bound = _fit_lines(lines, focal, centre)[0].cylinder
         tries.append((fit(bound, observations, rounds=2), BOUND_ANGLE))
     best, bend_angle_sigma = min(tries, key=lambda one: one[0].cost)
     if lines is not None:
         observations = _add_sides(group_rows_and_margins(lines, best), borders, ratio)
         best = fit(best.cylinder, observations, bend_angle_sigma=bend_angle_sigma)
-    assert observations.sides is not None
-    top, right, bottom, left = best.position[observations.sides]
-    if not (left < right and top < bottom):
+    low, high = _page_corners(best, observations, borders, lines)
+    whole, fits = all(borders.plain), bool((low < high).all())
+    if fits:
+        sheet = add_warp(best, observations, low, high, bordered=whole)
+    if lines is not None and not whole:
+        alone = from_lines(lines, borders, focal, centre)
+        if not fits or text_residual_px(sheet, lines) > AGAINST_TEXT * text_residual_px(alone, lines):
+            return alone
+    elif not fits:
         raise InputError(
             "the outline on the photo does not fit any sheet of paper",
             "photograph it from the front, or try {shape=text-lines}",
         )
-    return add_warp(best, observations, np.array([left, top]), np.array([right, bottom]), bordered=True)
+    return sheet
+
+
+def _page_corners(
+    found: CylinderFit, observations: Observations, borders: Borders | None, lines: TextLines | None
+) -> tuple[Floats, Floats]:
+    """Corners of the page: its plain sides; elsewhere all of the sheet's region and of the text."""
+    extents = [text_extent(lines, found.cylinder)] if lines is not None else []
+    if borders is not None and (region := region_extent(borders.outline, found.cylinder)) is not None:
+        extents.append(region)
+    low = np.min([low for low, _ in extents], axis=0)
+    high = np.max([high for _, high in extents], axis=0)
+    if borders is not None and observations.sides is not None:
+        top, right, bottom, left = np.where(
+            borders.plain, found.position[observations.sides], [low[1], high[0], high[1], low[0]]
+        )
+        low, high = np.array([left, top]), np.array([right, bottom])
+    return low, high
 
 
 def _fit_loose_sheet(
@@ -129,10 +154,11 @@ def _border_observations(borders: Borders, lines: TextLines | None, ratio: float
 
 
 def _add_sides(observations: Observations, borders: Borders, ratio: float | None) -> Observations:
-    first = len(observations.upright)
-    for k, side in enumerate(borders.sides):
-        observations = observations.with_group(side, upright=k % 2 == 1, sigma_px=borders.sigma_px)
-    return replace(observations, sides=np.arange(first, first + 4, dtype=np.int32), ratio=ratio)
+    sides = np.full(4, -1, np.int32)
+    for k in np.flatnonzero(borders.plain).tolist():
+        sides[k] = len(observations.upright)
+        observations = observations.with_group(borders.sides[k], upright=k % 2 == 1, sigma_px=borders.sigma_px)
+    return replace(observations, sides=sides, ratio=ratio)
 
 
 def add_warp(
@@ -158,24 +184,10 @@ def _warp_weights(found: CylinderFit, observations: Observations) -> Floats:
     return np.where(np.isin(observations.group, observations.sides), 1.0, found.weight)
 
 
-def _page_corners(lines: TextLines, cylinder: Cylinder) -> tuple[Floats, Floats]:
-    """Corners of the page: the text, fragments of text beside it, and a margin."""
-    ends, good = photo_to_page(cylinder, lines.ends.reshape(-1, 2))
-    if good.mean() < MOST:
-        raise InputError(
-            "the lines of text do not fit any sheet of paper bent in one direction; is it text, seen from the front?"
-        )
-    height = float(np.median(lines.height)) / cylinder.focal
-    low, high = ends[good].min(axis=0), ends[good].max(axis=0)
-    fragments, good = photo_to_page(cylinder, lines.fragments.reshape(-1, 2))
-    fragments = fragments.reshape(-1, 2, 2)
-    level = good[::2] & good[1::2] & (np.abs(fragments[:, 1, 1] - fragments[:, 0, 1]) < LEVEL * height)
-    for _ in range(FRAGMENT_ROUNDS):
-        near = (fragments.max(axis=1) > low - BESIDE * height) & (fragments.min(axis=1) < high + BESIDE * height)
-        beside = fragments[level & near.all(axis=1)].reshape(-1, 2)
-        low = np.minimum(low, beside.min(axis=0, initial=np.inf))
-        high = np.maximum(high, beside.max(axis=0, initial=-np.inf))
-    return low - [AROUND * height, (AROUND + 1) * height], high + AROUND * height
+def text_residual_px(sheet: FittedSheet, lines: TextLines) -> float:
+    """Weighted rms distance of letters from their lines after the warp [photo px]."""
+    letters = slice(0, len(lines.line))
+    return rms(sheet.warped_residual_px[letters], np.maximum(sheet.cylinder_fit.weight[letters], FAINTLY))
 
 
 def extrapolated_share(sheet: FittedSheet, slack: float) -> float:

@@ -20,10 +20,12 @@ MAX_WARPED_RESIDUAL = 0.15
 """Residual of letters after the warp [letter heights] from which lines look crooked."""
 MAX_EXTRAPOLATED = 0.25
 """Extrapolated share of the page from which a warning is given."""
+LEAST_KEPT = 0.97
+"""Share of the sheet's region on the page below which a warning is given: its rim alone is 1 to 2 %."""
 
 
 def photo_report(
-    sheet: FittedSheet, lines: TextLines | None, creases: float, scale: str, focal_from: str
+    sheet: FittedSheet, lines: TextLines | None, creases: float, scale: str, focal_from: str, kept: float | None = None
 ) -> tuple[PhotoReport, tuple[Diagnostic, ...]]:
     """Build the report and the warnings of a fitted sheet.
 
@@ -35,6 +37,8 @@ def photo_report(
         See `crease_length`.
     scale, focal_from : str
         See `PhotoReport`.
+    kept : float, optional
+        Share of the sheet's region that the page shows.
     """
     height = float(np.median(lines.height)) if lines is not None else None
     text = _is_letter(sheet, lines)
@@ -44,7 +48,10 @@ def photo_report(
     extrapolated = extrapolated_share(sheet, slack)
     sides = _side_residual(sheet)
     warnings = _warnings(before, after, sides, extrapolated, creases, scale)
-    seen = {"text-lines": lines is not None, "borders": sheet.bordered and sheet.shade is None, "shading": sheet.shade}
+    if kept is not None and kept < LEAST_KEPT:
+        warnings += (_cut_off(kept),)
+    borders = sheet.observations.sides is not None and sheet.shade is None
+    seen = {"text-lines": lines is not None, "borders": borders, "shading": sheet.shade}
     shape = " and ".join(what for what, there in seen.items() if there)
     report = PhotoReport(
         shape=shape,
@@ -57,6 +64,7 @@ def photo_report(
         bent_one_way=before,
         extrapolated_share=extrapolated,
         creases=creases,
+        kept_share=kept,
         confidence=_confidence(after, sides, sheet.shade, extrapolated, creases),
     )
     return report, warnings
@@ -79,6 +87,11 @@ def _side_residual(sheet: FittedSheet) -> float | None:
     side = np.isin(sheet.observations.group, sheet.observations.sides)
     longer = float((sheet.warp.high - sheet.warp.low).max()) * sheet.cylinder.focal
     return float(np.sqrt(np.mean(sheet.cylinder_fit.residual_px[side] ** 2))) / longer
+
+
+def _cut_off(kept: float) -> Diagnostic:
+    sentence = f"the page shows {100 * kept:.0f} % of what looks like the sheet on the photo; the rest was cut off"
+    return Diagnostic("page-incomplete", sentence, "compare it with the photo")
 
 
 def _warnings(

@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 
 from planish.display.one_line import one_line
 from planish.errors import InputError, UsageError
-from planish.photo.borders import Borders, find_borders
+from planish.photo.borders import NAMES, Borders, find_borders
 from planish.photo.creases import crease_length
 from planish.photo.fitted_sheet import FittedSheet, from_borders, from_lines
+from planish.photo.gutter import find_gutter, larger_part, part_of_lines, part_of_region
 from planish.photo.line_grouping import reject_false_lines
 from planish.photo.lines import TextLines, find_text_lines
+from planish.photo.page_extent import kept_share
 from planish.photo.polynomial import from_polynomials
 from planish.photo.report import photo_report
 from planish.photo.shading import from_shading
-from planish.photo.surface import make_scan
+from planish.photo.sheet_region import sheet_regions
+from planish.photo.surface import make_scan, page_rim
 from planish.photo.working_image import working_image
 from planish.settings import PAPERS_MM, USUAL_SHEET_MM, PhotoSettings
 from planish.types import Diagnostic, Floats, PhotoReport, Pixels, Scan
@@ -54,10 +58,20 @@ class PhotoShape:
     __repr__ = one_line
 
 
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """What was detected of one page."""
+
+    lines: TextLines | None
+    borders: Borders | None
+    facing: str | None
+    """On which side of it another page lies that is left out."""
+
+
 def find_shape(
     photo: Pixels, settings: PhotoSettings | None = None, *, focal_px: float | None = None, icc: bytes | None = None
 ) -> PhotoShape:
-    """Find the shape of the sheet on a photo.
+    """Find the shape of the sheet on a photo; of facing pages, that of the larger one.
 
     The sheet is modelled as a generalised cylinder, like a book page, seen by a pinhole camera; the residual is
     absorbed by a smooth 2D warp. One photo determines the shape up to scale.
@@ -77,7 +91,7 @@ def find_shape(
     InputError
         If neither text nor sheet borders are found.
     UsageError
-        If the paper size is given but not all borders are visible.
+        If the paper size is given but not all borders are visible, or two pages are asked for: `find_shapes` has both.
 
     Examples
     --------
@@ -87,49 +101,115 @@ def find_shape(
     >>> found.report.shape, found.report.scale
     ('text-lines and borders', 'paper')
     """
+    if settings is not None and settings.pages == "2":
+        raise UsageError("two pages have two shapes: use find_shapes")
+    return find_shapes(photo, settings, focal_px=focal_px, icc=icc)[0]
+
+
+def find_shapes(
+    photo: Pixels, settings: PhotoSettings | None = None, *, focal_px: float | None = None, icc: bytes | None = None
+) -> tuple[PhotoShape, ...]:
+    """Find the shapes of the pages asked for: two facing ones, from left to right, or one; see `find_shape`."""
     s = settings or PhotoSettings()
     focal = focal_px or USUAL_FOCAL * max(photo.shape[:2])
     centre = (np.array(photo.shape[1::-1]) - 1) / 2
-    lines, borders = _detect(photo, s)
-    sheet = _fit_sheet(photo, s, lines, borders, focal, centre)
+    return tuple(
+        _shape_of(photo, s, part, focal, centre, "exif" if focal_px else "assumed", icc) for part in _detect(photo, s)
+    )
+
+
+def _shape_of(
+    photo: Pixels, s: PhotoSettings, part: _Part, focal: float, centre: Floats, focal_from: str, icc: bytes | None
+) -> PhotoShape:
+    lines = None if s.shape in ("borders", "shading") else part.lines
+    sheet = _fit_sheet(photo, s, lines, part.borders, focal, centre)
     scan = make_scan(
         sheet.cylinder, sheet.warp, photo, _mm_per_unit(sheet, lines, s), icc, lines.upright if lines else 0.0
     )
     scale = "paper" if s.paper != "unknown" else "width" if s.width_mm else "unknown"
-    report, warnings = photo_report(sheet, lines, crease_length(photo, sheet), scale, "exif" if focal_px else "assumed")
+    kept = None if part.borders is None else kept_share(part.borders.outline, page_rim(sheet.cylinder, sheet.warp))
+    report, warnings = photo_report(sheet, lines, crease_length(photo, sheet), scale, focal_from, kept)
     if s.shape == "polynomial":
         report = replace(report, shape="polynomial")
-    return PhotoShape(scan, report, warnings)
+    return PhotoShape(scan, report, (*_left_out(part), *warnings))
 
 
-def _detect(photo: Pixels, s: PhotoSettings) -> tuple[TextLines | None, Borders | None]:
-    """Detect text lines and sheet borders, as far as requested and present."""
+def _detect(photo: Pixels, s: PhotoSettings) -> list[_Part]:
+    """Detect text lines and sheet borders of every page to make, as far as requested and present."""
     lines = find_text_lines(working_image(photo))
-    lines = reject_false_lines(lines) if lines is not None else None
+    lines = _if_enough(reject_false_lines(lines) if lines is not None else None)
+    if s.shape == "polynomial" or (s.shape == "text-lines" and s.pages == "1"):
+        return [_Part(lines, None, None)]
+    regions = sheet_regions(photo, lines)
+    first = next(regions)
+    gutter = None
+    if lines is not None and s.pages != "1":
+        gutter = find_gutter(first, lines, always=s.pages == "2")
+    elif s.pages == "2":
+        raise InputError("the photo shows no lines of text beside which a gutter could be found")
+    if gutter is None:
+        borders = None if s.shape == "text-lines" else find_borders(chain([first], regions), _angle(lines))
+        return [_Part(lines, borders, None)]
+    wanted = ("left", "right") if s.pages == "2" else (larger_part(first, gutter),)
+    both = [first, *regions]
+    parts = []
+    for which in wanted:
+        here = _if_enough(part_of_lines(lines, gutter, which)) if lines is not None else None
+        pages = [part_of_region(region, gutter, which) for region in both]
+        borders = None if s.shape == "text-lines" else find_borders(pages, _angle(lines), gutter)
+        facing = None if s.pages == "2" else "left" if which == "right" else "right"
+        parts.append(_Part(here, borders, facing))
+    return parts
+
+
+def _if_enough(lines: TextLines | None) -> TextLines | None:
+    """Text lines unless they are so few or crooked that they may be none."""
     if lines is not None and (len(lines.line) < FEWEST_LETTERS or lines.straightness > CROOKED):
-        lines = None
-    borders = None if s.shape in ("text-lines", "polynomial") else find_borders(photo, lines)
-    return (None if s.shape in ("borders", "shading") else lines), borders
+        return None
+    return lines
+
+
+def _angle(lines: TextLines | None) -> float:
+    return 0.0 if lines is None else lines.angle
+
+
+def _left_out(part: _Part) -> list[Diagnostic]:
+    """Warnings of what the page does not show."""
+    warnings = []
+    if part.facing is not None:
+        sentence = f"the photo also shows a facing page, on the {part.facing}, which was left out"
+        warnings.append(Diagnostic("facing-page", sentence, "make both with {pages=2}, or no gutter with {pages=1}"))
+    if part.borders is not None:
+        cut = [name for name, off in zip(NAMES, part.borders.cropped, strict=True) if off]
+        if cut:
+            sentence = (
+                f"the sheet reaches the photo's edge at its {' and '.join(cut)}, or looks like its ground there: "
+                "some of it may be missing"
+            )
+            warnings.append(Diagnostic("sheet-cut", sentence, "photograph the whole sheet"))
+    return warnings
 
 
 def _fit_sheet(
     photo: Pixels, s: PhotoSettings, lines: TextLines | None, borders: Borders | None, focal: float, centre: Floats
 ) -> FittedSheet:
+    whole = borders is not None and all(borders.plain)
     if s.shape == "shading":
-        if borders is None:
+        if borders is None or not whole:
             raise InputError(
                 "the photo shows no outline of a sheet; shape from shading needs all four sides of a sheet that is "
                 "bent in one direction only, under one lamp, on a background of another colour"
             )
         return from_shading(photo, borders, focal, centre)
-    if borders is not None:
-        return from_borders(borders, lines, focal, centre, ratio=_ratio(borders, s))
-    if s.paper != "unknown":
+    if s.paper != "unknown" and not whole:
         raise UsageError(
             "the paper size was given, but the photo does not show all borders of the sheet on a plain background",
             "give {width_mm} for the width of the part that is drawn, or photograph the whole sheet",
         )
-    if lines is None or len(lines.height) < FEWEST_LINES:
+    enough = lines is not None and len(lines.height) >= FEWEST_LINES
+    if borders is not None and (whole or (enough and any(borders.plain))):
+        return from_borders(borders, lines, focal, centre, ratio=_ratio(borders, s))
+    if lines is None or not enough:
         found = "" if lines is None else f"; only {len(lines.height)} lines of text were found"
         missing = {
             "text-lines": "no lines of text",
@@ -140,7 +220,9 @@ def _fit_sheet(
             f"the photo shows {missing}{found}; needed are {FEWEST_LINES} sharp lines of print, letters 10 pixels "
             "high, or a whole sheet on a background of another colour"
         )
-    return (from_polynomials if s.shape == "polynomial" else from_lines)(lines, focal, centre)
+    if s.shape == "polynomial":
+        return from_polynomials(lines, focal, centre)
+    return from_lines(lines, borders, focal, centre)
 
 
 def _ratio(borders: Borders, s: PhotoSettings) -> float | None:

@@ -48,6 +48,15 @@ def make_scan(
     return Scan(Mesh.owned(points, _faces(rows, cols)), photo, photo_xy, camera, icc, upright=upright)
 
 
+def page_rim(cylinder: Cylinder, warp: PageWarp) -> Floats:
+    """Positions along the page's rim, clockwise from its first corner, on the photo: (n, 2) [photo px]."""
+    share = np.linspace(0, 1, POINTS_ACROSS, endpoint=False)
+    zero, one = np.zeros_like(share), np.ones_like(share)
+    around = np.concatenate([np.c_[share, zero], np.c_[one, share], np.c_[1 - share, one], np.c_[zero, 1 - share]])
+    page = warp.low + around * (warp.high - warp.low)
+    return space_to_photo(cylinder, page_to_space(cylinder, warp.inverse(page)))
+
+
 def cell_centres(shape_rc: tuple[int, int], low: Floats, high: Floats) -> Floats:
     """Centres of rows x cols cells of a page: (rows * cols, 2)."""
     y, x = ((np.arange(n) + 0.5) / n for n in shape_rc)

@@ -15,7 +15,7 @@ from planish.memory import check_memory
 from planish.render.bands import render_bands
 from planish.render.blend import Blend, blend, detail
 from planish.render.photo_view import PhotoView, photo_views, shrunk
-from planish.render.resolution import Resolution, cells, combined_resolution, nearest_usual_dpi
+from planish.render.resolution import Resolution, cells, combined_resolution, usual_dpi_for
 from planish.settings import RenderSettings
 from planish.types import Bools, Floats, Page, Pixels, Scan
 
@@ -114,7 +114,7 @@ def preview(view: PhotoView, size_mm: tuple[float, float], dpi: float, icc: byte
 
 
 def _dpi(found: Resolution, settings: RenderSettings) -> float:
-    return float(nearest_usual_dpi(found.median_ppi) if settings.dpi == "auto" else settings.dpi)
+    return float(usual_dpi_for(found.median_ppi) if settings.dpi == "auto" else settings.dpi)
 
 
 def _page(

@@ -19,6 +19,9 @@ from planish.types import Ints
 CELL_MM = 1.0
 MOST_CELLS = 1_000_000
 USUAL_DPI = (72, 100, 150, 200, 300, 400, 600, 800, 1200)
+COARSE_PPI, FINER = 200.0, 1.5
+"""A photo coarser than this is drawn finer than it is, by at least this factor: resampled letters of few pixels are
+read better on more of them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,15 +101,16 @@ def _summary(ppi: NDArray[np.float32]) -> Resolution:
     return Resolution(ppi, float(np.median(seen)), float(np.quantile(seen, 0.1)))
 
 
-def nearest_usual_dpi(ppi: float) -> int:
-    """The usual scanning resolution nearest to a measured one, by ratio.
+def usual_dpi_for(ppi: float) -> int:
+    """The least usual scanning resolution that keeps what a photo resolves; the largest one beyond that.
 
     Examples
     --------
-    >>> nearest_usual_dpi(281.0), nearest_usual_dpi(340.0)
-    (300, 300)
+    >>> [usual_dpi_for(ppi) for ppi in (78, 281, 340, 5000)]
+    [150, 300, 400, 1200]
     """
-    return min(USUAL_DPI, key=lambda usual: abs(np.log(usual / ppi)))
+    least = ppi * (FINER if ppi < COARSE_PPI else 1.0)
+    return next((usual for usual in USUAL_DPI if usual >= least), USUAL_DPI[-1])
 
 
 @njit(cache=True)

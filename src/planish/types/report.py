@@ -207,6 +207,8 @@ class PhotoReport:
         Summary of these figures in one sentence.
     creases : float
         Total length of creases visible in the shading, relative to the shorter side of the page.
+    kept_share : float or None
+        Share of the sheet's region on the photo that the page shows; None where no region was found.
     """
 
     shape: str
@@ -220,6 +222,7 @@ class PhotoReport:
     extrapolated_share: float
     confidence: str
     creases: float = 0.0
+    kept_share: float | None = None
 
 
 @dataclass(frozen=True)
