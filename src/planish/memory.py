@@ -7,14 +7,13 @@ without a message.
 from __future__ import annotations
 
 import errno
-import os
-import resource
+import mmap
 import sys
 from pathlib import Path
 
 from planish.errors import InputError
+from planish.system import free_memory, own_memory_limits
 
-_PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")
 _ADDRESSES = 500e6
 """Bytes of addresses that are taken without being used: threads' stacks and heaps, buffers of libraries. Where a limit
 leaves fewer, OpenBLAS waits for ever for a buffer that it cannot have."""
@@ -74,15 +73,7 @@ def _readable(count: float) -> str:
 
 def free_bytes() -> float:
     """Memory that this process may still take: of the machine, of its control groups, of its own limits."""
-    return max(0.0, min(_of_the_machine(), of_control_groups(), _of_own_limits()))
-
-
-def _of_the_machine() -> float:
-    """What can be had without swapping."""
-    for line in _lines(Path("/proc/meminfo")):
-        if line.startswith("MemAvailable:"):
-            return float(line.split()[1]) * 1024
-    return float("inf")
+    return max(0.0, min(free_memory(), of_control_groups(), _of_own_limits()))
 
 
 def of_control_groups(process: Path = Path("/proc/self"), mount: Path = Path("/sys/fs/cgroup")) -> float:
@@ -112,12 +103,11 @@ def _of_group(group: Path, limit: str, used: str, droppable: str) -> float:
 
 def _of_own_limits() -> float:
     """What `ulimit -v` and `ulimit -d` leave."""
-    statm = [float(pages) * _PAGE_BYTES for line in _lines(Path("/proc/self/statm")) for pages in line.split()]
+    statm = [float(pages) * mmap.PAGESIZE for line in _lines(Path("/proc/self/statm")) for pages in line.split()]
     if not statm:
         return float("inf")
-    taken = {resource.RLIMIT_AS: statm[0] + _ADDRESSES, resource.RLIMIT_DATA: statm[5]}
-    limits = {kind: resource.getrlimit(kind)[0] for kind in taken}
-    return min(float("inf") if most == resource.RLIM_INFINITY else most - taken[kind] for kind, most in limits.items())
+    addresses, data = own_memory_limits()
+    return min(addresses - statm[0] - _ADDRESSES, data - statm[5])
 
 
 def _lines(file: Path) -> list[str]:

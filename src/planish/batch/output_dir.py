@@ -3,7 +3,7 @@
     OUT/NAME/page.tif, report.json, item.json ...    one folder per item; NAME may contain subfolders
     OUT/summary.html, summary.csv, summary.jsonl
     OUT/.planish/journal.jsonl                       finished items
-    OUT/.planish/lock                                held by the run that writes
+    OUT/.planish/lock                                held by the run that writes, whose name is in holder
     OUT/.planish/work/                               unfinished items; cleared by the next run
 
 An item is written in the work folder and published by one rename, so readers of NAME see all of its files or none.
@@ -11,7 +11,6 @@ An item is written in the work folder and published by one rename, so readers of
 
 from __future__ import annotations
 
-import fcntl
 import json
 import os
 import secrets
@@ -20,13 +19,13 @@ import socket
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import IO
 
 from planish.batch.items import Item
 from planish.batch.journal import Entry, Journal, item_as_json
 from planish.batch.row import row_from_json
 from planish.errors import OutputError
 from planish.io.files import check_writable, make_folder, translate_os_errors
+from planish.system import exclusive_lock, flush_to_disk
 
 RECORD = "item.json"
 """In the folder of every item: fingerprints of its inputs, and its outcome."""
@@ -75,7 +74,7 @@ class OutputDir:
             if target.exists():
                 target.rename(self.work_dir / f"before-{secrets.token_hex(8)}")
             finished.rename(target)
-            fsync_path(target.parent)
+            flush_to_disk(target.parent)
 
 
 @contextmanager
@@ -92,27 +91,26 @@ def open_output_dir(folder: Path) -> Iterator[OutputDir]:
     check_writable(state_dir / "lock")
     with ExitStack() as stack:
         with translate_os_errors(folder):
-            lock = stack.enter_context((state_dir / "lock").open("a+"))
-            _acquire_lock(lock, folder)
+            stack.enter_context(_lock(state_dir, folder))
             _clear_folder(state_dir / "work")
             journal = stack.enter_context(Journal(state_dir / "journal.jsonl"))
         stack.callback(_clear_folder, state_dir / "work")
         yield OutputDir(folder, journal)
 
 
-def _acquire_lock(lock: IO[str], folder: Path) -> None:
-    """Lock until the file is closed, which the system does however the process ends."""
-    try:
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        lock.seek(0)
-        raise OutputError(
-            f"{folder} is in use by another planish batch ({lock.read().strip()}); wait until it is done, or choose "
-            "another folder with -o"
-        ) from None
-    lock.truncate(0)
-    lock.write(f"process {os.getpid()} on {socket.gethostname()}")
-    lock.flush()
+@contextmanager
+def _lock(state_dir: Path, folder: Path) -> Iterator[None]:
+    """Hold the folder's lock; who has it stands in a file beside it."""
+    holder = state_dir / "holder"
+    with exclusive_lock(state_dir / "lock") as held:
+        if not held:
+            known = holder.read_text(errors="replace").strip() if holder.exists() else "unknown"
+            raise OutputError(
+                f"{folder} is in use by another planish batch ({known}); wait until it is done, or choose another "
+                "folder with -o"
+            )
+        holder.write_text(f"process {os.getpid()} on {socket.gethostname()}")
+        yield
 
 
 def _clear_folder(work_dir: Path) -> None:
@@ -136,7 +134,7 @@ def write_record(folder: Path, entry: Entry) -> None:
     with translate_os_errors(path):
         path.write_text(json.dumps(plain, indent=2, ensure_ascii=True) + "\n")
         for file in [*folder.iterdir(), folder]:
-            fsync_path(file)
+            flush_to_disk(file)
 
 
 def read_record(folder: Path, item: Item) -> Entry | None:
@@ -149,12 +147,3 @@ def read_record(folder: Path, item: Item) -> Entry | None:
         return Entry(row, item_as_json(item), plain["options"], plain["inputs"], ())
     except (OSError, ValueError, TypeError, KeyError):
         return None
-
-
-def fsync_path(path: Path) -> None:
-    """Flush a file or a folder to disk."""
-    handle = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)

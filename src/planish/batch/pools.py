@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import multiprocessing
 import os
-import signal
 import threading
 from concurrent.futures import CancelledError, Executor, Future, ThreadPoolExecutor
 from contextlib import suppress
@@ -16,6 +15,7 @@ from typing import Any, Protocol
 from planish.batch.memory import memory_budget
 from planish.batch.task import Task, TaskResult, run_task
 from planish.errors import InputError, MissingExtraError, OutputError, PlanishError
+from planish.system import kill_group, usable_cores
 from planish.version import __version__
 
 _TASKS_PER_SLOT = 2
@@ -56,7 +56,7 @@ class LocalPool:
     """
 
     def __init__(self, jobs: int | None = None) -> None:
-        cores = len(os.sched_getaffinity(0))
+        cores = usable_cores()
         self.slots = jobs or cores
         self.memory = memory_budget()
         self._threads = max(1, cores // self.slots)
@@ -81,8 +81,7 @@ class LocalPool:
         with suppress(RuntimeError):  # a process is being started concurrently
             for process in multiprocessing.active_children():
                 assert process.pid is not None
-                with suppress(ProcessLookupError, PermissionError):
-                    os.killpg(process.pid, signal.SIGKILL)
+                kill_group(process.pid)
 
 
 class DaskPool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import resource
+import os
 import secrets
 import threading
 from dataclasses import dataclass, replace
@@ -21,6 +21,7 @@ from planish.hints import as_flag
 from planish.job import run
 from planish.job.worker import Limits, WorkerDiedError, run_in_subprocess
 from planish.pipeline import Progress
+from planish.system import peak_memory
 
 
 class BatchAbortError(OutputError):
@@ -101,14 +102,14 @@ def restore_item(task: Task, progress: Progress) -> TaskResult:
         if isinstance(problem.__cause__, OSError):
             raise BatchAbortError(problem.sentence, problem.hint) from problem
         raise
-    own_usage, child_usage = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    times = os.times()
     row = row_from_report(
         task.item.name,
         result.report,
         sorted(path.name for path in folder.iterdir()),
         seconds=perf_counter() - start,
-        cpu_seconds=own_usage.ru_utime + own_usage.ru_stime + child_usage.ru_utime + child_usage.ru_stime,
-        peak_mb=own_usage.ru_maxrss * 1024 / 1e6,
+        cpu_seconds=times.user + times.system + times.children_user + times.children_system,
+        peak_mb=peak_memory() / 1e6,
     )
     return _record_result(task, inputs, row, folder)
 

@@ -26,6 +26,7 @@ from planish.cli.warm_up import warm_up
 from planish.errors import PlanishError, UsageError
 from planish.hints import as_flag
 from planish.memory import is_out_of_memory
+from planish.system import LAST_SIGNALS
 
 DID_NOT_SETTLE = 5
 INTERRUPTED, TERMINATED = 130, 143
@@ -50,7 +51,7 @@ def main(arguments: list[str] | None = None) -> NoReturn:
     The command runs in a second thread, so that signals (Ctrl-C, SIGTERM) are handled at once, even during a long
     kernel, and never raise an exception inside compiled code.
     """
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+    for number in LAST_SIGNALS:
         if signal.getsignal(number) is not signal.SIG_IGN:  # ignored in background jobs and under nohup
             signal.signal(number, _leave)
     os.environ["PLANISH_OWN_PROCESS"] = "1"  # see planish.io.suppress_stderr, which is not imported yet

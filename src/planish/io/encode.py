@@ -7,7 +7,6 @@ import struct
 import zlib
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from os import cpu_count
 from typing import Any
 
 from numpy.typing import NDArray
@@ -16,6 +15,7 @@ from PIL import Image
 from planish.color import to_uint8
 from planish.dpi import MM_PER_INCH
 from planish.io.metadata import SOFTWARE, Origin, creation_date, xmp_packet
+from planish.system import usable_cores
 from planish.types import Page
 
 JPEG_QUALITY = 95
@@ -77,7 +77,7 @@ def _deflated_strips(pixels: NDArray, rows: int) -> Iterator[bytes]:
         packer = zlib.compressobj(1, strategy=zlib.Z_RLE)
         return packer.compress(strip.tobytes()) + packer.flush()
 
-    with ThreadPoolExecutor(cpu_count()) as pool:
+    with ThreadPoolExecutor(usable_cores()) as pool:
         yield from pool.map(deflated, range(0, len(pixels), rows))
 
 

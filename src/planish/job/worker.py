@@ -7,11 +7,8 @@ Python thread. Neither it nor the caller is affected by how a subprocess ends.
 
 from __future__ import annotations
 
-import contextlib
 import multiprocessing
 import os
-import resource
-import signal
 import threading
 import traceback
 from collections.abc import Callable
@@ -23,11 +20,19 @@ from typing import Any, TypeVar
 
 from planish.errors import InputError, PlanishError
 from planish.memory import is_out_of_memory
+from planish.system import (
+    MEMORY_CAN_BE_LIMITED,
+    kill_group,
+    lead_own_group,
+    limit_own_memory,
+    memory_of,
+    worker_context,
+)
 
 T = TypeVar("T")
 Progress = Callable[[str, float], None]
 
-_CONTEXT = multiprocessing.get_context("forkserver")
+_CONTEXT = worker_context(preload=["__main__", "planish.job.preload"])
 _START_LOCK = threading.Lock()  # Process.start() and join() reap children, which is not thread-safe
 _POLL_INTERVAL = 0.1
 """Seconds between two checks of the time limit and of `stop`; results are received at once."""
@@ -83,7 +88,8 @@ class Limits:
     seconds : float or None
         Wall-clock time from start to end.
     memory_mb : float or None
-        Private memory (RLIMIT_DATA) in megabytes; planish itself takes about 400.
+        Private memory in megabytes, which the system refuses to exceed; where it cannot (Windows), the process is ended
+        within a second of taking more. planish itself takes about 400.
     threads : int or None
         For numba kernels and OpenCV.
     """
@@ -146,7 +152,6 @@ def _no_op(progress: Progress) -> None:
 
 def _start_process(process: BaseProcess) -> None:
     with _START_LOCK:
-        _CONTEXT.set_forkserver_preload(["__main__", "planish.job.preload"])
         os.environ["PLANISH_PRELOAD"] = "1"
         try:
             process.start()  # starts the fork server as well if it is not running
@@ -168,6 +173,8 @@ def _wait_for_result(
             raise StoppedError
         if limits.seconds is not None and monotonic() - start > limits.seconds:
             raise LimitError(f"not finished within the time limit of {limits.seconds:g} s", _REDUCE)
+        if limits.memory_mb is not None and not MEMORY_CAN_BE_LIMITED and _memory_mb(process) > limits.memory_mb:
+            raise _too_large(limits)
         if not ready:
             continue
         try:
@@ -180,6 +187,15 @@ def _wait_for_result(
             return payload[0]
         else:
             raise payload[0]
+
+
+def _memory_mb(process: BaseProcess) -> float:
+    return memory_of(process.pid or 0) / 1e6
+
+
+def _too_large(limits: Limits) -> LimitError:
+    needed = f"more than {limits.memory_mb:g} MB of memory" if limits.memory_mb else "more memory than there is"
+    return LimitError(f"it takes {needed}", _REDUCE)
 
 
 def _died_error(process: BaseProcess, limits: Limits) -> WorkerDiedError:
@@ -198,10 +214,7 @@ def _died_error(process: BaseProcess, limits: Limits) -> WorkerDiedError:
 def _kill(process: BaseProcess) -> None:
     """Kill the process and its children if they still run, and reap it."""
     assert process.pid is not None
-    with contextlib.suppress(ProcessLookupError, PermissionError):
-        os.killpg(process.pid, signal.SIGKILL)
-    with contextlib.suppress(ProcessLookupError, PermissionError):
-        os.kill(process.pid, signal.SIGKILL)
+    kill_group(process.pid)
     wait([process.sentinel], _KILL_TIMEOUT)
     with _START_LOCK:
         process.join(0)
@@ -211,8 +224,7 @@ def _run_child(
     connection: Connection, limits: Limits, function: Callable[..., Any], arguments: tuple[Any, ...]
 ) -> None:
     """Entry point of the subprocess: set up, call the function, send the result."""
-    os.setpgrp()  # own process group: not reached by the terminal's Ctrl-C, and killed along with its children
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    lead_own_group()
     threading.Thread(target=_exit_with_parent, daemon=True).start()
     _apply_limits(limits)
     connection.send(_outcome(limits, function, arguments, _ProgressSender(connection)))
@@ -227,8 +239,7 @@ def _outcome(
         return "failed", problem
     except Exception as problem:
         if is_out_of_memory(problem):
-            needed = f"more than {limits.memory_mb:g} MB of memory" if limits.memory_mb else "more memory than there is"
-            return "failed", LimitError(f"it takes {needed}", _REDUCE)
+            return "failed", _too_large(limits)
         text = " ".join(f"{type(problem).__name__}: {problem}".split())
         hint = "please report this with the scan"
         return "failed", InternalError(f"planish itself failed ({text})", hint, trace=traceback.format_exc())
@@ -252,7 +263,7 @@ def _exit_with_parent() -> None:
     caller = multiprocessing.parent_process()
     assert caller is not None
     wait([caller.sentinel])
-    os.killpg(0, signal.SIGKILL)
+    kill_group(os.getpid())
 
 
 def _apply_limits(limits: Limits) -> None:
@@ -264,5 +275,4 @@ def _apply_limits(limits: Limits) -> None:
     numba.set_num_threads(threads)
     cv2.setNumThreads(threads)
     if limits.memory_mb is not None:
-        size = int(limits.memory_mb * 1e6)
-        resource.setrlimit(resource.RLIMIT_DATA, (size, size))
+        limit_own_memory(limits.memory_mb * 1e6)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from planish.errors import PlanishError
 from planish.hints import as_field
+from planish.system import flush_to_disk
 from planish.web.restore_photos import restore_photos
 from planish.web.upload_request import UploadRequest
 
@@ -101,8 +102,4 @@ def _preview(out: Path) -> None:
 def _fsync_all(out: Path, files: list[str]) -> None:
     """Flush the files to disk before the job table refers to them."""
     for path in (*(out / name for name in files), out):
-        descriptor = os.open(path, os.O_RDONLY)
-        try:
-            os.fsync(descriptor)
-        finally:
-            os.close(descriptor)
+        flush_to_disk(path)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import logging
-import os
 import shutil
 import threading
 from collections.abc import Callable
@@ -15,6 +14,7 @@ from planish.errors import PlanishError
 from planish.hints import as_field
 from planish.job.worker import InternalError, Limits, StoppedError, WorkerDiedError, preload_workers, run_in_subprocess
 from planish.settings import ServeSettings
+from planish.system import usable_cores
 from planish.web.fields import read_fields
 from planish.web.restore_upload import restore_upload
 from planish.web.store import MAX_TRIES, Row, Store
@@ -159,7 +159,7 @@ class Scheduler:
         limits = Limits(
             seconds=self.limits.seconds,
             memory_mb=self.limits.memory_mb,
-            threads=max(1, (os.cpu_count() or 1) // self.limits.jobs),
+            threads=max(1, usable_cores() // self.limits.jobs),
         )
         job_folder = self.job_folder(row.id)
         for leftover in job_folder.glob("out-*"):

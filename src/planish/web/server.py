@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import fcntl
 import ipaddress
 import os
 import signal
@@ -17,6 +16,7 @@ import uvicorn
 
 from planish.errors import OutputError
 from planish.settings import ServeSettings
+from planish.system import exclusive_lock
 from planish.web.app import application
 from planish.web.service import Service
 
@@ -112,15 +112,10 @@ def _make_private_folder(folder: Path) -> None:
 @contextmanager
 def _exclusive_lock(folder: Path) -> Iterator[None]:
     """Lock the folder; the system releases the lock however this process ends."""
-    descriptor = os.open(folder / "lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
-    try:
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise OutputError(f"{folder} is used by another server; give another folder with --data") from None
+    with exclusive_lock(folder / "lock") as held:
+        if not held:
+            raise OutputError(f"{folder} is used by another server; give another folder with --data")
         yield
-    finally:
-        os.close(descriptor)
 
 
 @contextmanager
