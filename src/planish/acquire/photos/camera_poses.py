@@ -258,6 +258,13 @@ def _collect(
             focal, x, y, k1, k2 = model.camera(image.camera_id).params
             matrix = np.array([[focal, 0, x - 0.5], [0, focal, y - 0.5], [0, 0, 1]])
             like = Camera(matrix, np.eye(3), np.zeros(3), lens.shape_rc, np.array([k1, k2, 0.0, 0.0]))
+            if folds(like):
+                raise InputError(
+                    f"{len(model.reg_image_ids())} of {count} photos fit each other, but have only "
+                    f"{len(model.points3D)} places in common, too few to find their lens; take more photos, from "
+                    "nearer, sharp, each showing the whole sheet",
+                    "give the calibrated lens with {camera}",
+                )
         cameras[k] = replace(like, rotation=pose.rotation.matrix(), translation=np.asarray(pose.translation))
     points = list(model.points3D.values())
     xyz = np.array([point.xyz for point in points])
@@ -276,6 +283,23 @@ def _collect(
             "off the vertical"
         )
     return found
+
+
+def folds(camera: Camera) -> bool:
+    """Whether a lens shows one place twice, which no lens does: r (1 + k1 r^2 + k2 r^4) falls within the photo.
+
+    Examples
+    --------
+    >>> matrix = np.array([[900.0, 0, 360], [0, 900, 288], [0, 0, 1]])
+    >>> lens = Camera(matrix, np.eye(3), np.zeros(3), (576, 720), np.array([0.03, -0.02, 0, 0]))
+    >>> folds(lens), folds(replace(lens, distortion=np.array([-0.24, -6.8, 0, 0])))
+    (False, True)
+    """
+    rows, cols = camera.shape_rc
+    k1, k2 = camera.distortion[:2]
+    x, y = (max(c, n - 1 - c) / camera.matrix[0, 0] for c, n in zip(camera.matrix[:2, 2], (cols, rows), strict=True))
+    square = np.linspace(0, x**2 + y**2, 100)
+    return bool((1 + 3 * k1 * square + 5 * k2 * square**2 <= 0).any())
 
 
 def _median_angle(points: Floats, seen_by: Sequence[Sequence[int]], cameras: Sequence[Camera | None]) -> float:
