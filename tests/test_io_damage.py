@@ -231,3 +231,31 @@ def test_vrml_that_breaks_off_or_names_its_fields_oddly(tmp_path, text):
     (tmp_path / "sheet.wrl").write_text(f"#VRML V2.0 utf8\n{text}")
     with pytest.raises(InputError, match=r"sheet\.wrl"):
         read_scan(tmp_path / "sheet.wrl")
+
+
+def test_names_without_end_become_short_warnings(tmp_path):
+    scan = tmp_path / "scan.obj"
+    square = "v 0 0 0\nv 90 0 0\nv 90 90 0\nv 0 90 0\nf 1 2 3\nf 1 3 4\n"
+    libraries = "".join(f"mtllib m{k}.mtl\n" for k in range(500))
+    scan.write_text(f"mtllib {'a' * 10**6}\n{libraries}mtllib \x1b[31mred.mtl\n{square}")
+    warnings = [str(warning) for warning in read_scan(scan).warnings if warning.code == "material-file-missing"]
+    assert len(warnings) == 20
+    assert max(map(len, warnings)) <= 1000
+    assert warnings[-1].endswith("(and 482 more of this kind)")
+    scan.write_text(f"mtllib \x1b[31mred.mtl\n{square}")
+    assert str(read_scan(scan).warnings[0]).endswith("names the material file  [31mred.mtl, which does not exist")
+
+
+def test_a_line_of_many_words_is_not_looked_up_in_every_combination(tmp_path, monkeypatch):
+    looked_up = []
+    monkeypatch.setattr("planish.io.obj.find_beside", lambda path, name, inside: looked_up.append(name))
+    scan = tmp_path / "scan.obj"
+    scan.write_text(f"mtllib {'a ' * 10_000}\nv 0 0 0\nv 90 0 0\nv 90 90 0\nf 1 2 3\n")
+    read_scan(scan)
+    assert 0 < len(looked_up) < 70_000
+
+
+def test_an_error_with_an_endless_name_is_one_short_line():
+    problem = InputError(f"there is no {'x' * 10**6}\n\n.obj")
+    assert len(str(problem)) <= 1000
+    assert "\n" not in str(problem)

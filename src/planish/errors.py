@@ -13,7 +13,7 @@ in braces (see `planish.hints`), which `str` shows as parameters of Python and e
 
 from __future__ import annotations
 
-from planish.hints import Naming, as_parameter, with_hint
+from planish.hints import Naming, as_parameter, one_sentence, with_hint
 
 
 class PlanishError(Exception):
@@ -36,8 +36,8 @@ class PlanishError(Exception):
     exit_code = 1
 
     def __init__(self, sentence: str = "", hint: str = "") -> None:
-        super().__init__(sentence)
-        self.sentence, self.hint = sentence, hint
+        self.sentence, self.hint = one_sentence(sentence), one_sentence(hint)
+        super().__init__(self.sentence)
 
     def __str__(self) -> str:
         return self.message()

@@ -15,6 +15,27 @@ Naming = Callable[[str, str | None], str]
 _SETTING = re.compile(r"\{([A-Za-z_][\w.]*)(?:=([^{}]*))?\}")
 
 
+LONGEST = 1000
+"""Characters of a sentence. Ours have some hundred; a name from a damaged or hostile file may have millions."""
+
+_CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]+")
+
+
+def one_sentence(text: str) -> str:
+    r"""A sentence with names from files in it, as people can read it: one line, without its middle if it is endless.
+
+    Control characters, which could also steer a terminal, become blanks.
+
+    Examples
+    --------
+    >>> one_sentence("a scan\x1b[31m.obj names no\nimage"), len(one_sentence(10**6 * "b"))
+    ('a scan [31m.obj names no image', 1000)
+    """
+    if len(text) > LONGEST:
+        text = f"{text[: LONGEST // 2]}...{text[3 - LONGEST // 2 :]}"
+    return _CONTROL.sub(" ", text)
+
+
 def as_parameter(name: str, value: str | None = None) -> str:
     """Name a setting as Python code does.
 

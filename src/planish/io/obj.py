@@ -47,6 +47,9 @@ _EMPTY_INDEX = re.compile(rb"/+(?=[ \t\n]|\Z)")
 _HEAD = 1 << 16
 """Bytes in which the first point is looked for: a longer comment at the head is not known to exist."""
 _BEYOND = b"9e999"  # reads as infinite
+_LONGEST_PATH, _MOST_WORDS = 4096, 32
+"""Characters of a line that names files (no system opens longer paths), and blanks in a name that are thinkable: every
+length of every name is looked for on the disk."""
 
 _LOST_POINTS = 0.1
 """More points than this part without a face, and the file may have been cut short."""
@@ -206,12 +209,12 @@ def _libraries(path: Path, data: bytes, inside: Path | None) -> tuple[dict[str, 
 
 def _library_files(path: Path, rest: str, inside: Path | None) -> list[tuple[str, Path | None]]:
     """The files of a mtllib line: names are parted by blanks, and may hold blanks; the longest that exists counts."""
-    words = rest.split(" ")
+    words = rest[:_LONGEST_PATH].split(" ")
     found: list[tuple[str, Path | None]] = []
     lost: list[str] = []
     start = 0
     while start < len(words):
-        for stop in range(len(words), start, -1):
+        for stop in range(min(start + _MOST_WORDS, len(words)), start, -1):
             name = " ".join(words[start:stop]).strip().strip('"')
             file = find_beside(path, name, inside) if name else None
             if file is not None:

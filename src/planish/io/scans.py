@@ -23,7 +23,7 @@ from planish.io.textures import Image, no_images
 from planish.io.units import Unit, decide_unit
 from planish.io.views import Files, listed, matched
 from planish.settings import mm_per_unit
-from planish.types import Camera, Diagnostic, Floats, Ints, Mesh, Pixels, Scan, Texture, View
+from planish.types import Camera, Diagnostic, Floats, Ints, Mesh, Pixels, Scan, Texture, View, few_of_a_kind
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +135,7 @@ def _read_scan(path: Path, photo: Files, camera: Files, units: str, inside: Path
         warnings.append(Diagnostic("colours-of-points", sentence))
     files = (path, *shown.files, *photos[1:], *dict.fromkeys(cameras))
     sources = tuple(Path(file) for file in files if file is not None)
-    return ReadScan(scan, unit, warnings, found.polygons, sources)
+    return ReadScan(scan, unit, few_of_a_kind(warnings), found.polygons, sources)
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,7 +5,7 @@ Positions are (x, y[, z]) in millimetres; images are [row, col]. Arrays are read
 
 from planish.types.arrays import Bools, Floats, Ints, Pixels, freeze, read_only, trusted_replace
 from planish.types.checks import check_place
-from planish.types.diagnostic import Diagnostic
+from planish.types.diagnostic import Diagnostic, few_of_a_kind
 from planish.types.page import Page, Restoration
 from planish.types.prepared import PreparedScan, Topology
 from planish.types.report import (
@@ -56,6 +56,7 @@ __all__ = [
     "Topology",
     "View",
     "check_place",
+    "few_of_a_kind",
     "freeze",
     "read_only",
     "summary",
