@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from planish.errors import InputError, UsageError
-from planish.photo import find_shape, find_shapes
+from planish.photo import creases, find_shape, find_shapes
 from planish.photo.borders import NAMES, find_borders
 from planish.photo.fit import start
 from planish.photo.gutter import find_gutter, larger_part, part_of_lines, part_of_region
@@ -149,3 +149,45 @@ def test_margins_follow_the_letters_of_each_line():
     with_title, _ = text_extent(lines, flat)
     assert (low - with_title)[1] * 500 == pytest.approx(4 * (60 - 8), rel=0.01)
     assert (high[1] - low[1]) * 500 == pytest.approx(180 + 7 * 8, rel=0.01)
+
+
+def printed_book():
+    """Facing pages with words, the left one cut off by the photo."""
+    photo = cv2.resize(book(0.3), None, fx=3, fy=3, interpolation=cv2.INTER_CUBIC)[:, 150:]
+    rng = np.random.default_rng(7)
+    for left, right in ((-10, 370), (500, 1230)):
+        for y in range(260, 1400, 60):
+            x = left
+            while x < right - 100:
+                word = "".join(rng.choice(list("acemnorsuvwxzhdbl"), rng.integers(2, 8)))
+                cv2.putText(photo, word, (x, y), cv2.FONT_HERSHEY_DUPLEX, 0.75, (35, 35, 35), 2, cv2.LINE_AA)
+                x += cv2.getTextSize(word, cv2.FONT_HERSHEY_DUPLEX, 0.75, 2)[0][0] + 14
+    return photo
+
+
+def test_the_larger_page_is_made_and_the_other_named():
+    photo = printed_book()
+    (alone,) = find_shapes(photo, PhotoSettings(shape="text-lines"))
+    codes = {warning.code: warning.sentence for warning in alone.warnings}
+    assert "on the left" in codes["facing-page"]
+    assert alone.scan.photo_xy[:, 0].min() > 360
+    left, right = find_shapes(photo, PhotoSettings(shape="text-lines", pages="2"))
+    assert left.scan.photo_xy[:, 0].max() < right.scan.photo_xy[:, 0].max()
+    assert "facing-page" not in {warning.code for warning in (*left.warnings, *right.warnings)}
+    np.testing.assert_allclose(right.scan.photo_xy, alone.scan.photo_xy)
+
+
+def piece(*slices):
+    crease = np.zeros((300, 200), bool)
+    crease[slices] = True
+    return crease
+
+
+def test_the_step_to_the_leaves_below_is_no_crease():
+    text = np.array([30.0, 30]), np.array([160.0, 150])
+    beside, through = piece(slice(60, 200), 180), piece(slice(60, 200), 100)
+    a_third, below = piece(200, slice(20, 180)), piece(275, slice(20, 180))
+    assert creases._length(beside, text) == creases._length(below, text) == 0
+    assert creases._length(beside, None) == pytest.approx(142, abs=2)
+    assert creases._length(through, text) == pytest.approx(142, abs=2)
+    assert creases._length(a_third, text) == pytest.approx(162, abs=2)

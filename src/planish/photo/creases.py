@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 from planish.color import to_grey, to_uint8
 from planish.photo.cylinder import page_to_space, space_to_photo
 from planish.photo.fitted_sheet import FittedSheet
+from planish.photo.lines import TextLines
 from planish.photo.residual_warp import grid
 from planish.photo.working_image import ink_mask
-from planish.types import Bools, Floats, Pixels
+from planish.types import Bools, Floats, Ints, Pixels
 
 CELLS = 300
 """Cells along the page's long side: 1 mm of A4. Creases are sharper, shadows of hands and phones are not."""
@@ -37,19 +38,31 @@ BLANK = (0.45, 0.6)
 """Least share of blank paper in the near and far windows."""
 LINE, NEXT = np.ones((9, 1), np.uint8), np.ones((5, 1), np.uint8)
 """Windows that pair a step with one of opposite sign, and for non-maximum suppression [cells]."""
+PICTURE, DARKER = 41, 0.5
+"""Width of the neighbourhood [cells] whose brightest paper is the measure, and the share of it below which a place is a
+dark picture, no blank paper."""
+LEAF_EDGE = 0.2
+"""Width along the sides, relative to the page, in which an edge beyond the text may be that of a leaf: letters are
+folded at thirds and halves."""
+ELONGATED = 3.0
+"""Least ratio of the length along the side to the width across it of such an edge."""
 LEAST = 0.04
 """Shortest piece of a crease, as a share of the page's long side."""
 
 Picture = NDArray[np.float32]
 
 
-def crease_length(photo: Pixels, sheet: FittedSheet) -> float:
+def crease_length(photo: Pixels, sheet: FittedSheet, lines: TextLines | None = None) -> float:
     """Detect creases in the paper and sum their lengths, in shorter sides of the page.
+
+    The step from a leaf to those below it runs along a side of the page, beyond its text: it is an edge, no crease.
 
     Parameters
     ----------
     photo : (rows, cols, 3) uint8 or uint16
     sheet : FittedSheet
+    lines : TextLines, optional
+        Those that the sheet was fitted to.
 
     Returns
     -------
@@ -60,7 +73,7 @@ def crease_length(photo: Pixels, sheet: FittedSheet) -> float:
     page, seen = _straightened(photo, sheet)
     blank = _blank(page) & seen
     step = np.where(_inner(blank.shape), _crease_contrast(_without_print(page, blank), blank), 0)
-    return _length(step > STEP) / min(step.shape)
+    return _length(step > STEP, _text_cells(sheet, lines)) / min(step.shape)
 
 
 def _straightened(photo: Pixels, sheet: FittedSheet) -> tuple[Pixels, Bools]:
@@ -95,7 +108,8 @@ def _blank(page: Pixels) -> Bools:
     """Mask of blank paper, away from print."""
     grey = to_grey(page)
     paper_level = cv2.morphologyEx(grey, cv2.MORPH_CLOSE, np.ones((7, 7), np.uint8))
-    printed = ink_mask(grey) | (grey < (1 - FAINT) * paper_level)
+    around = cv2.blur(cv2.dilate(paper_level, np.ones((PICTURE,) * 2, np.uint8)), (PICTURE, PICTURE))
+    printed = ink_mask(grey) | (grey < (1 - FAINT) * paper_level) | (grey < DARKER * around)
     return np.asarray(cv2.dilate(printed.astype(np.uint8), np.ones((3, 3), np.uint8)) == 0)
 
 
@@ -156,9 +170,32 @@ def _beside(colour: Picture, span: tuple[int, int], *, below: bool = False) -> P
     return cv2.sepFilter2D(colour, -1, along, across if below else across[::-1], borderType=cv2.BORDER_CONSTANT)
 
 
-def _length(crease: Bools) -> float:
-    """Total length of crease pieces that are long enough [cells]."""
+def _text_cells(sheet: FittedSheet, lines: TextLines | None) -> tuple[Floats, Floats] | None:
+    """First and last cell of the text, x and y; None without text."""
+    if lines is None:
+        return None
+    low, high = sheet.warp.low, sheet.warp.high
+    letters = (sheet.cylinder_fit.page[: len(lines.line)] - low) * CELLS / float((high - low).max())
+    first, last = np.quantile(letters, [0.01, 0.99], axis=0)
+    return first, last
+
+
+def _length(crease: Bools, text: tuple[Floats, Floats] | None) -> float:
+    """Total length of crease pieces that are long enough, and no edges of leaves [cells]."""
     joined = cv2.dilate(crease.astype(np.uint8), np.ones((3, 3), np.uint8))
     _, _, stats, _ = cv2.connectedComponentsWithStats(joined)
-    length: Floats = np.hypot(stats[1:, cv2.CC_STAT_WIDTH], stats[1:, cv2.CC_STAT_HEIGHT])
-    return float(length[length >= LEAST * max(crease.shape)].sum())
+    first, size = stats[1:, :2].astype(float), stats[1:, 2:4].astype(float)
+    length: Floats = np.hypot(size[:, 0], size[:, 1])
+    counted = length >= LEAST * max(crease.shape)
+    if text is not None:
+        counted &= ~_leaf_edges(first, size, np.array(crease.shape[::-1]), text)
+    return float(length[counted].sum())
+
+
+def _leaf_edges(first: Floats, size: Floats, page_size: Ints, text: tuple[Floats, Floats]) -> Bools:
+    """Which pieces, by their boxes, run along a side of the page near it and beyond the text."""
+    last = first + size
+    before = (last < text[0]) & (last < LEAF_EDGE * page_size)
+    after = (first > text[1]) & (first > (1 - LEAF_EDGE) * page_size)
+    along = size[:, ::-1] > ELONGATED * size
+    return np.asarray(((before | after) & along).any(axis=1))

@@ -128,7 +128,7 @@ def _shape_of(
     )
     scale = "paper" if s.paper != "unknown" else "width" if s.width_mm else "unknown"
     kept = None if part.borders is None else kept_share(part.borders.outline, page_rim(sheet.cylinder, sheet.warp))
-    report, warnings = photo_report(sheet, lines, crease_length(photo, sheet), scale, focal_from, kept)
+    report, warnings = photo_report(sheet, lines, crease_length(photo, sheet, lines), scale, focal_from, kept)
     if s.shape == "polynomial":
         report = replace(report, shape="polynomial")
     return PhotoShape(scan, report, (*_left_out(part), *warnings))
