@@ -2,6 +2,7 @@
 
 import errno
 import itertools
+import json
 import os
 import signal
 import subprocess
@@ -266,3 +267,30 @@ def test_a_clock_that_jumps_changes_nothing(sheet, tmp_path, monkeypatch):
     monkeypatch.setattr(time, "time", lambda: next(hours))
     assert run(["flatten", str(sheet), "-o", str(tmp_path / "b.ply")]) == 0
     assert (tmp_path / "a.ply").read_bytes() == (tmp_path / "b.ply").read_bytes()
+
+
+def shell(line, *words):
+    """What a command of `planish` leaves behind where a shell redirects its streams."""
+    script = f'"$0" -m planish "$@" {line}'
+    return subprocess.run(["bash", "-c", script, sys.executable, *map(str, words)], capture_output=True, text=True)
+
+
+def test_a_full_standard_output_is_an_error_in_one_line():
+    done = shell(">/dev/full", "--help")
+    assert (done.returncode, done.stderr) == (
+        4,
+        "planish: standard output cannot be written: No space left on device\n",
+    )
+
+
+def test_a_full_standard_error_changes_no_exit_code():
+    assert shell("2>/dev/full", "flatten", "nothing.obj", "-o", "flat.obj").returncode == 3
+
+
+def test_closed_streams_and_a_name_that_is_no_text_hinder_nothing(tmp_path):
+    scan = tmp_path / os.fsdecode(b"b\xff.obj")
+    scan.write_text("mtllib lost.mtl\nv 0 0 0\nv 90 0 0\nv 90 90 0\nv 0 90 0\nf 1 2 3\nf 1 3 4\n")
+    report = tmp_path / "report.json"
+    done = shell("<&- >&- 2>&-", "flatten", scan, "-o", tmp_path / "flat.obj", "--report", report, "--verbose")
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    assert scan.name in json.loads(report.read_text())["warnings"][0]

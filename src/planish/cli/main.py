@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import errno
+import io
 import os
 import signal
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from types import FrameType
 from typing import NoReturn
 
@@ -23,7 +26,7 @@ from planish.cli.restore import restore
 from planish.cli.serve import serve
 from planish.cli.view import view
 from planish.cli.warm_up import warm_up
-from planish.errors import PlanishError, UsageError
+from planish.errors import OutputError, PlanishError, UsageError
 from planish.hints import as_flag
 from planish.memory import is_out_of_memory
 from planish.system import LAST_SIGNALS
@@ -54,6 +57,9 @@ def main(arguments: list[str] | None = None) -> NoReturn:
     for number in LAST_SIGNALS:
         if signal.getsignal(number) is not signal.SIG_IGN:  # ignored in background jobs and under nohup
             signal.signal(number, _leave)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # names of files may hold what a terminal cannot show
     os.environ["PLANISH_OWN_PROCESS"] = "1"  # see planish.io.suppress_stderr, which is not imported yet
     if (sys.argv[1:] if arguments is None else arguments)[:1] == ["serve"]:  # the server handles signals itself
         sys.exit(run(arguments))
@@ -84,15 +90,26 @@ def run(arguments: list[str] | None = None) -> int:
     except KeyboardInterrupt:
         return _fail(INTERRUPTED, "interrupted; no incomplete files were left")
     except BrokenPipeError:  # the reader closed the pipe, as in `planish ... | head`
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _print_no_more()
         return 0
+    except OSError as problem:  # of the standard output: errors of files have come as OutputError
+        if problem.errno not in (errno.ENOSPC, errno.EIO, errno.EFBIG):
+            raise
+        _print_no_more()
+        return _fail(OutputError.exit_code, f"standard output cannot be written: {problem.strerror}")
     except Exception as problem:
         if not is_out_of_memory(problem):
             raise
         return _fail(3, "not enough memory; give a smaller mesh or photo, or close other programs")
 
 
+def _print_no_more() -> None:
+    """Let the rest of the standard output lead nowhere: Python writes what it has kept when it ends."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
 def _fail(code: int, sentence: str) -> int:
     line = " ".join(sentence.split())
-    Console(stderr=True, highlight=False, soft_wrap=True, markup=False).print(f"planish: {line}")
+    with suppress(OSError):  # standard error may be full, too
+        Console(stderr=True, highlight=False, soft_wrap=True, markup=False).print(f"planish: {line}")
     return code

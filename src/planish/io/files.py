@@ -338,7 +338,8 @@ def write_json(path: str | Path, report: Any) -> None:
     if isinstance(report, Report):
         report = report.to_dict()
     plain = _plain(asdict(report) if is_dataclass(report) and not isinstance(report, type) else report)
-    write_bytes(path, (json.dumps(plain, indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode())
+    text = json.dumps(plain, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    write_bytes(path, text.encode(errors="backslashreplace"))  # names of files may be no text
 
 
 def _is_stream(path: Path) -> bool:
