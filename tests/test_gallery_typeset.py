@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from planish.gallery import sheet, typeset_page, typeset_sheet
+from planish.gallery.artwork import CHART_CODES, colour_chart
 from planish.gallery.prose import STORY
 from planish.gallery.typeset import _line_starts
 
@@ -91,6 +92,16 @@ def test_table_drawing_picture_and_stamp_appear_when_asked_for():
     assert red.mean() > 0.001
     assert np.argwhere(red)[:, 0].min() > 0.75 * len(red)  # at the foot
     assert not (np.asarray(plain.pixels)[..., 0] != np.asarray(plain.pixels)[..., 1]).any()
+
+
+def test_the_chart_has_every_patch_once_and_of_one_size():
+    page, text = typeset_page(105, 148, dpi=100, table=False, chart=True)
+    assert "Plate 3." in text
+    sizes = [(page.pixels == code).all(axis=2).sum() for code in CHART_CODES]
+    assert min(sizes) > 0.9 * max(sizes) > 1000  # sides are rounded to pixels
+    touching = colour_chart(60, 40, gap=0)
+    assert (touching[:10, :10] == CHART_CODES[0]).all()
+    assert (touching[-10:, -10:] == CHART_CODES[-1]).all()
 
 
 def test_a_spread_has_two_pages():

@@ -5,9 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
+from skimage.color import deltaE_ciede2000, rgb2lab
 
 from planish.color import code_values, linear_light
 from planish.errors import UsageError
+from planish.gallery.artwork import CHART_CODES, colour_chart
 from planish.illumination import remove_shading
 from planish.illumination.lamp_model import LampModel, fit_lamp, robust, robust_slope
 from planish.illumination.shadow_visibility import shadow_visibility
@@ -109,8 +111,8 @@ def test_the_lamp_is_found(sheet, shape):
     assert made.fit.ambient == pytest.approx(AMBIENT, abs=0.05)
 
 
-def test_a_grey_picture_over_half_the_page_keeps_its_greys(sheet, shape):
-    """And the background method takes it for shade: that is what the shape is good for."""
+@pytest.mark.parametrize("method", ["geometry", "background"])
+def test_a_grey_picture_over_half_the_page_keeps_its_greys(sheet, shape, method):
     paper, _ = text(shape)
     top, bottom, left, right = 60, 360, 40, shape[1] - 40
     picture = 0.25 + 0.5 * np.linspace(0, 1, bottom - top)[:, None] ** 2 * np.ones(right - left)
@@ -118,12 +120,8 @@ def test_a_grey_picture_over_half_the_page_keeps_its_greys(sheet, shape):
     paper[top:bottom, left:right] = picture
     page = photographed(paper)
     true = code_values(np.dtype(np.uint8))[np.rint((picture - 0.036) / 0.964 * 65535).astype(int)].mean()
-    grey = {}
-    for method in ("geometry", "background"):
-        made = remove_shading(page, *sheet, ShadingSettings(shading=method)).page
-        grey[method] = np.asarray(made.pixels, float)[top:bottom, left:right].mean()
-    assert grey["geometry"] == pytest.approx(true, rel=0.03)
-    assert grey["background"] > 1.2 * true
+    made = remove_shading(page, *sheet, ShadingSettings(shading=method)).page
+    assert np.asarray(made.pixels, float)[top:bottom, left:right].mean() == pytest.approx(true, rel=0.03)
 
 
 def test_colours_keep_their_hue_under_a_tinted_light(sheet, shape):
@@ -137,6 +135,63 @@ def test_colours_keep_their_hue_under_a_tinted_light(sheet, shape):
     # less what was taken away to make ink black, 0.036; 0.012 in light is about Delta E 2 for a red like this
     np.testing.assert_allclose(stamp, (red - 0.036) / 0.964, atol=0.012)
     assert (np.asarray(made.pixels)[500:600, 100:400] == 255).mean() > 0.99
+
+
+@pytest.mark.parametrize("gap", [0, 6])
+def test_a_chart_of_colours_keeps_them_without_the_shape(sheet, shape, gap):
+    """Patches touch, or have white between them; shade of the bend falls across."""
+    paper, _ = text(shape)
+    colour = np.repeat(paper[..., None], 3, axis=2)
+    chart = linear_light(256)[colour_chart(360, 240, gap / 60)]
+    colour[190:450, 40:420] = 1
+    colour[200:440, 50:410] = 0.036 + 0.964 * chart  # paler than print: what is taken away to make ink black
+    page = remove_shading(photographed(colour), *sheet, ShadingSettings(shading="background")).page
+    made = linear_light(256)[np.asarray(page.pixels)][200:440, 50:410]
+    off = []
+    for code in CHART_CODES[1:]:
+        inside = ndimage.binary_erosion((chart == linear_light(256)[code]).all(axis=2), iterations=8)
+        off.append(delta_e(made[inside].mean(axis=0), linear_light(256)[code]))
+    assert np.median(off) < 3
+    assert np.quantile(off, 0.95) < 6
+
+
+def delta_e(light, true):
+    """CIEDE2000 of two linear sRGB lights."""
+    codes = code_values(np.dtype(np.uint16)) / 65535
+    return float(
+        deltaE_ciede2000(*(rgb2lab(codes[np.rint(65535 * np.clip(one, 0, 1)).astype(int)]) for one in (light, true)))
+    )
+
+
+def test_a_dark_poster_stays_dark_and_its_white_becomes_white(sheet, shape):
+    poster = np.full(shape, 0.1)
+    poster[200:330, 120:350] = 1
+    page = remove_shading(photographed(poster), *sheet, ShadingSettings(shading="background")).page
+    light = linear_light(256)[np.asarray(page.pixels)]
+    assert light[220:310, 140:330].min() > 0.97
+    # beyond a few centimetres from the white nothing tells the shade, which runs from 0.4 to 1, from the print
+    assert np.quantile(light[:180], 0.99) < 0.15
+
+
+@pytest.mark.parametrize("dimmer", [0.3, 0.7])
+def test_paper_beyond_a_fold_becomes_white_too(sheet, shape, dimmer):
+    """Its shade has an edge as sharp as that of print, but is grey and reaches the rim."""
+    paper, blank = text(shape)
+    top, bottom, shade = 240, 272, np.ones(shape)  # 4 mm: the light is smoothed over 1.6
+    shade[256:] = dimmer
+    blank[top:bottom] = False
+    made = remove_shading(photographed(paper * shade), *sheet, ShadingSettings(shading="background")).page
+    assert np.quantile(np.asarray(made.pixels)[blank], 0.01) > 250
+
+
+def test_a_page_that_shows_no_paper_stays_as_photographed(sheet, shape):
+    """Gaudy all over: what could be print is not divided."""
+    patches = np.random.default_rng(3).uniform(0.05, 1, (9, 7, 3))
+    page = photographed(np.kron(patches, np.ones((70, 68, 1)))[: shape[0], : shape[1]])
+    made = remove_shading(page, *sheet, ShadingSettings(shading="background"))
+    assert (np.asarray(made.page.pixels) == page.pixels).all()
+    assert made.fit.method == "none"
+    assert [warning.code for warning in made.fit.warnings] == ["shading-kept"]
 
 
 def test_coloured_paper_stays_coloured(sheet, shape):

@@ -250,9 +250,9 @@ class ShadingSettings:
     Attributes
     ----------
     shading : {"geometry", "background", "none"}
-        geometry: fit a lamp to the shape of the sheet and divide by its illumination; pictures keep their grey values.
-        background: from the brightness of the page only; grey areas wider than 6 mm are taken for shading. none: keep
-        the page as photographed.
+        geometry: fit a lamp to the shape of the sheet and divide by its illumination. background: from the blank paper
+        of the page only, followed into shadows and folds; what has edges or colour is print and keeps its tone. none:
+        keep the page as photographed.
     """
 
     shading: Shading = "geometry"

@@ -2,15 +2,26 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
 from planish.cli.options import Output, Quiet, Verbose
-from planish.settings import BinarizeSettings, PhotoSettings, RenderSettings, Rotation, ShadingSettings
+from planish.settings import BinarizeSettings, PhotoSettings, RenderSettings, Rotation, Shading, ShadingSettings
 
 Flags = Parameter(name="*")
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Rendering(RenderSettings):
+    dpi: float | Literal["auto"] = "auto"
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Shading(ShadingSettings):
+    shading: Shading = "background"
 
 
 def photo(
@@ -20,8 +31,8 @@ def photo(
     output: Output,
     camera: Path | None = None,
     shape: Annotated[PhotoSettings, Parameter(name="*", negative="")] = PhotoSettings(),
-    rendering: Annotated[RenderSettings, Flags] = RenderSettings(dpi="auto"),
-    shading: Annotated[ShadingSettings, Flags] = ShadingSettings(shading="background"),
+    rendering: Annotated[_Rendering, Flags] = _Rendering(),
+    shading: Annotated[_Shading, Flags] = _Shading(),
     binarizing: Annotated[BinarizeSettings, Flags] = BinarizeSettings(),
     rotate: Rotation = "auto",
     binary: Path | None = None,

@@ -1,4 +1,4 @@
-"""Artwork for the test pages: a grey landscape, a line drawing and a rubber stamp."""
+"""Artwork for the test pages: a grey landscape, a colour chart, a line drawing and a rubber stamp."""
 
 from __future__ import annotations
 
@@ -43,6 +43,45 @@ def hills(width: int, height: int, seed: int = 3) -> NDArray[np.uint8]:
         grey = grey * (1 - cover) + tone * cover
     grain = rng.normal(0, 2.0, grey.shape)
     return np.clip(grey + grain, 0, 255).astype(np.uint8)
+
+
+CHART_ROWS, CHART_COLUMNS = 4, 6
+CHART_CODES = np.array(
+    [
+        *((115, 82, 68), (194, 150, 130), (98, 122, 157), (87, 108, 67), (133, 128, 177), (103, 189, 170)),
+        *((214, 126, 44), (80, 91, 166), (193, 90, 99), (94, 60, 108), (157, 188, 64), (224, 163, 46)),
+        *((56, 61, 150), (70, 148, 73), (175, 54, 60), (231, 199, 31), (187, 86, 149), (8, 133, 161)),
+        *((243, 243, 242), (200, 200, 200), (160, 160, 160), (122, 122, 121), (85, 85, 85), (52, 52, 52)),
+    ],
+    np.uint8,
+)
+"""sRGB values of a colour rendition chart (McCamy, Marcus and Davidson 1976), row by row: (24, 3)."""
+
+
+def colour_chart(width: int, height: int, gap: float = 0.08) -> NDArray[np.uint8]:
+    """Draw the patches of `CHART_CODES`, four rows of six, on white.
+
+    Parameters
+    ----------
+    width, height : int
+    gap : float
+        White between the patches, in sides of a patch; 0: they touch.
+
+    Returns
+    -------
+    (height, width, 3) uint8
+
+    Examples
+    --------
+    >>> colour_chart(60, 40, gap=0)[5, 5].tolist()
+    [115, 82, 68]
+    """
+    chart = np.full((height, width, 3), 255, np.uint8)
+    down, across = (n / (count + gap * (count - 1)) for n, count in ((height, CHART_ROWS), (width, CHART_COLUMNS)))
+    for k, code in enumerate(CHART_CODES):
+        top, left = (k // CHART_COLUMNS) * (1 + gap) * down, (k % CHART_COLUMNS) * (1 + gap) * across
+        chart[round(top) : round(top + down), round(left) : round(left + across)] = code
+    return chart
 
 
 def line_drawing(width: int, height: int) -> Image.Image:

@@ -78,3 +78,5 @@ DRAWING_CAPTION = "Figure 1. A waving sheet. The lines drawn on it have kept the
 PICTURE_CAPTION = "Plate 2. Hills before sunrise, from a negative on glass."
 
 STAMP = ("LIBRARY", "RECEIVED 14 MAY")
+
+CHART_CAPTION = "Plate 3. Colours and greys, which a restored page should keep."

@@ -1,4 +1,4 @@
-"""Typeset test pages: title, running head, justified columns, table, drawing, picture and stamp."""
+"""Typeset test pages: title, running head, justified columns, table, drawing, picture, colour chart and stamp."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from PIL import Image, ImageChops, ImageDraw, ImageFont
 
 from planish.dpi import mm_to_px
 from planish.gallery import prose
-from planish.gallery.artwork import hills, line_drawing, stamp_print
+from planish.gallery.artwork import colour_chart, hills, line_drawing, stamp_print
 from planish.gallery.sheets import Sheet
 from planish.types import Page
 
@@ -57,6 +57,7 @@ def typeset_page(
     table: bool = True,
     drawing: bool = False,
     picture: bool = False,
+    chart: bool = False,
     stamp: bool = False,
 ) -> tuple[Page, str]:
     """Typeset one page of a book.
@@ -78,6 +79,8 @@ def typeset_page(
         Within the text: the drawing after the first part, the table after the third.
     picture : bool
         A grey picture in the upper half of the page.
+    chart : bool
+        A colour chart of 24 patches below it.
     stamp : bool
         A red stamp at the bottom of the page.
 
@@ -109,6 +112,9 @@ def typeset_page(
         first += _figure(
             Image.fromarray(hills(round(right - left), round(0.42 * (bottom - top)))), prose.PICTURE_CAPTION, font
         )
+    if chart:
+        art = colour_chart(round(right - left), round(0.36 * (bottom - top)))
+        first += _figure(Image.fromarray(art), prose.CHART_CAPTION, font)
     top += sum(row.height for row in first)
     texts += _fill_columns(image, first, [(left, top - sum(row.height for row in first), bottom)])
     if stamp:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from planish.color import LUMINANCE, linear_light
 from planish.dpi import mm_to_px, px_to_mm
@@ -83,6 +84,14 @@ def cell_statistics(page: Page) -> Cells:
             _measure, rows, pixels, page.known, linear, side, step, light, darker, share, clipped, known, block=16
         )
     return Cells(side, px_to_mm(side, page.dpi), light, darker, share, clipped, known)
+
+
+def filled(field: Field, known: Bools) -> Field:
+    """The field with what is not known taken from the nearest cell that is."""
+    if known.all() or not known.any():
+        return field
+    nearest = ndimage.distance_transform_edt(~known, return_distances=False, return_indices=True)
+    return np.asarray(field[tuple(nearest)])
 
 
 @njit(cache=True, nogil=True)

@@ -70,7 +70,7 @@ def refine_illumination(cells: Cells, log_model: Floats, crease: Floats, shadow:
         for width_mm, misfit in rounds:
             within = np.where(lone, AGREES, misfit) + sigma
             weight = trust * _likeness(log @ LUMINANCE - field @ LUMINANCE, within)
-            field = field + strength * _smoothed(log - field, weight, width_mm / cells.mm)
+            field = field + strength * smoothed(log - field, weight, width_mm / cells.mm)
     return field, _seam(cells, field @ LUMINANCE, crease)
 
 
@@ -105,7 +105,7 @@ def _likeness(residual: Field, misfit: Field | float) -> Field:
     return np.asarray(np.maximum(1 - (residual / misfit) ** 2, 0) ** 2)
 
 
-def _smoothed(values: Field, weight: Field, sigma: float) -> Field:
+def smoothed(values: Field, weight: Field, sigma: float) -> Field:
     """Weighted mean around each cell, drawn to 0 where there is next to no weight."""
     total = _blur(np.concatenate([values * weight[..., None], weight[..., None]], axis=2), sigma)
     return total[..., :3] / (total[..., 3:] + LITTLE)

@@ -5,16 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from planish.color import LUMINANCE
 from planish.errors import UsageError
-from planish.illumination.cells import Cells, Field, cell_statistics
+from planish.illumination.cells import Cells, Field, cell_statistics, filled
 from planish.illumination.divide import divide_illumination
 from planish.illumination.lamp_model import LampModel, fit_lamp, sample_cells
+from planish.illumination.paper_light import light_of_paper
 from planish.illumination.refine_on_paper import nearby_range, refine_illumination
 from planish.illumination.shadow_visibility import shadow_visibility
 from planish.illumination.surface_at_pixels import Surface, coarse_mesh, surface_at_pixels
@@ -26,8 +25,6 @@ MIN_PAPER_CELLS = 200
 PAPER_SHARE = 0.02
 ALIKE = 0.1
 """So much of the page must lie within so much [log] of the light found, or it is no page of blank paper and print."""
-CLOSING_MM = 6.0
-"""What is darker than its surroundings and narrower than this is print to the background method."""
 DARKEST = 0.05
 """Where less light falls than this part of the page's middling light, only so much is made good: the rest is noise."""
 CLIPPED = 0.01
@@ -45,7 +42,7 @@ class ShadingFit:
     Attributes
     ----------
     method : str
-        "geometry" or "background".
+        "geometry" or "background"; "none" where too little of the page is paper.
     paper_share : float
         Part of the page that the light was found from.
     unevenness_before, unevenness : float
@@ -124,19 +121,24 @@ def remove_shading(
     if s.shading == "none":
         raise UsageError('shading is "none", so there is no shade to remove; choose geometry or background')
     cells = cell_statistics(page)
-    estimate = _by_geometry(cells, scan, page_xy, normals) if s.shading == "geometry" else None
+    by_geometry = _by_geometry(cells, scan, page_xy, normals) if s.shading == "geometry" else None
     warnings: tuple[Diagnostic, ...] = ()
-    if estimate is None and s.shading == "geometry":
-        warnings = (
-            Diagnostic(
-                "shading-from-background",
-                "the page shows too little blank paper to find the light from the sheet's shape; its shade was taken "
-                "from the background instead",
-            ),
-        )
-    field, seam, lamp = estimate or (_background(cells), np.zeros(cells.known.shape, np.float32), None)
-    if cells.known.any():
-        field = np.maximum(field, np.median(field[cells.known], axis=0) + np.log(DARKEST, dtype=np.float32))
+    if by_geometry is not None:
+        field, seam, lamp = by_geometry
+    else:
+        light = light_of_paper(cells)
+        if light is None:
+            return _as_photographed(page, cells)
+        if s.shading == "geometry":
+            warnings = (
+                Diagnostic(
+                    "shading-from-background",
+                    "the page shows too little blank paper to find the light from the sheet's shape; its shade was "
+                    "taken from the background instead",
+                ),
+            )
+        field, seam, lamp = light, np.zeros(cells.known.shape, np.float32), None
+    field = np.maximum(field, np.median(field[cells.known], axis=0) + np.log(DARKEST, dtype=np.float32))
     gain = np.exp(seam[..., None] - field) * _kept_colour(field, cells)
     pixels, clipped = divide_illumination(page, gain, cells.side_px)
     clipped_share = float((clipped & page.known).mean())
@@ -153,6 +155,18 @@ def remove_shading(
     return EvenlyLit(Page.owned(pixels, page.known, page.dpi, page.icc), clipped, fit, np.exp(field), cells.side_px)
 
 
+def _as_photographed(page: Page, cells: Cells) -> EvenlyLit:
+    """The page itself, and why."""
+    pixels: NDArray[Any] = np.asarray(page.pixels)
+    clipped = (pixels.reshape(*page.known.shape, -1) == np.iinfo(pixels.dtype).max).any(axis=2)
+    warning = Diagnostic(
+        "shading-kept",
+        "the page shows too little blank paper to tell shade from print, so its light and colours are as photographed",
+    )
+    fit = ShadingFit("none", 0.0, 0.0, 0.0, float((clipped & page.known).mean()), warnings=(warning,))
+    return EvenlyLit(page, clipped, fit, np.ones((*cells.known.shape, 3), np.float32), cells.side_px)
+
+
 def _by_geometry(
     cells: Cells, scan: Scan, page_xy: Floats, normals: NDArray[np.floating[Any]]
 ) -> tuple[Field, Field, LampModel] | None:
@@ -163,8 +177,8 @@ def _by_geometry(
         return None
     shape = coarse_mesh(surface, max(1, round(SHADOW_STEP_MM / cells.mm)))
     share = shadow_visibility(shape, lamp.lamp, surface.points, surface.normals)
-    bare = _filled(lamp.log_brightness(surface.points, surface.normals, surface.off_axis), surface.known)
-    model = _filled(lamp.log_brightness(surface.points, surface.normals, surface.off_axis, share), surface.known)
+    bare = filled(lamp.log_brightness(surface.points, surface.normals, surface.off_axis), surface.known)
+    model = filled(lamp.log_brightness(surface.points, surface.normals, surface.off_axis, share), surface.known)
     bend, edge = (max(1, round(mm / cells.mm)) for mm in (1.5, 4.0))
     return *refine_illumination(cells, model, nearby_range(bare, bend), nearby_range(model - bare, edge)), lamp
 
@@ -182,26 +196,9 @@ def _lamp(cells: Cells, surface: Surface) -> LampModel | None:
     return lamp if paper > max(MIN_PAPER_CELLS, PAPER_SHARE * cells.known.sum()) else None
 
 
-def _background(cells: Cells) -> Field:
-    """The same without a shape: what a closing leaves, so that any grey wider than CLOSING_MM goes for shade."""
-    light = _filled(cells.light, cells.known)
-    side = max(3, round(CLOSING_MM / cells.mm)) | 1
-    closed = cv2.morphologyEx(light, cv2.MORPH_CLOSE, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side)))
-    smooth = cv2.GaussianBlur(closed, (0, 0), 0.25 * side)
-    return np.asarray(np.log(np.maximum(smooth, 1e-4)))
-
-
-def _filled(field: Field, known: Bools) -> Field:
-    """The field with what is not known taken from the nearest cell that is."""
-    if known.all() or not known.any():
-        return field
-    nearest = ndimage.distance_transform_edt(~known, return_distances=False, return_indices=True)
-    return np.asarray(field[tuple(nearest)])
-
-
 def _kept_colour(field: Field, cells: Cells) -> Field:
     """What white paper becomes: white, unless it is plainly coloured."""
-    paper = np.exp(np.median(field[cells.known], axis=0)) if cells.known.any() else np.ones(3)
+    paper = np.exp(np.median(field[cells.known], axis=0))
     colour = paper / paper.max()
     return np.asarray(colour if colour.min() < COLOURED else np.ones(3), np.float32)
 

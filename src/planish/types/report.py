@@ -166,7 +166,7 @@ class ShadingReport:
     Attributes
     ----------
     method : str
-        "geometry" or "background".
+        "geometry" or "background"; "none" where the page stayed as photographed for want of paper.
     paper_share : float
         Fraction of the page used as blank paper to estimate the illumination.
     unevenness_before, unevenness : float
