@@ -96,8 +96,8 @@ def lines_at(rows, spans, height=8.0):
     xy = np.concatenate([np.linspace(a, b, 12) for a, b in ends])
     count = len(ends)
     return TextLines(
-        xy, np.repeat(np.arange(count, dtype=np.int32), 12), np.full(count, height), ends, 0.0, 2.0, 0.03,
-        np.full(count, 220.0), ends,
+        xy, np.repeat(np.arange(count, dtype=np.int32), 12), np.full(count, height), ends, np.zeros(count, bool),
+        0.0, 2.0, 0.03, np.full(count, 220.0), ends,
     )  # fmt: skip
 
 

@@ -1,7 +1,7 @@
 """Document analysis: orientation, skew, page split, ink, and the outline of a sheet in a photo."""
 
 from planish.document.mirrored import reads_backwards
-from planish.document.orientation import SURE, detect_orientation, skew_angle
+from planish.document.orientation import SURE, detect_orientation, skew_angle, stem_ratio
 from planish.document.page_split import find_gutter, gutter_of_surface, split_pages
 
 __all__ = [
@@ -12,4 +12,5 @@ __all__ = [
     "reads_backwards",
     "skew_angle",
     "split_pages",
+    "stem_ratio",
 ]

@@ -6,6 +6,7 @@ from planish.gallery.meshes import OUTLINES, sheet_mesh
 from planish.gallery.noise import NoiseSpec
 from planish.gallery.photo_shoot import PhotoShoot, photo_shoot
 from planish.gallery.scanner import VirtualScan, virtual_scan
+from planish.gallery.scripts import music_page, script_page
 from planish.gallery.sheets import SHEETS, Sheet, sheet
 from planish.gallery.typeset import typeset_page, typeset_sheet
 
@@ -18,7 +19,9 @@ __all__ = [
     "PhotoShoot",
     "Sheet",
     "VirtualScan",
+    "music_page",
     "photo_shoot",
+    "script_page",
     "sheet",
     "sheet_mesh",
     "typeset_page",

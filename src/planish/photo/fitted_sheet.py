@@ -67,7 +67,8 @@ def from_lines(lines: TextLines, borders: Borders | None, focal: float, centre: 
 
 def _fit_lines(lines: TextLines, focal: float, centre: Floats) -> tuple[CylinderFit, Observations]:
     observations = line_observations(lines)
-    first = fit(start(observations, lines.angle, focal, centre, across=False), observations, rounds=3)
+    # A bound page bends across its spine, which runs up the page: along level lines, and across columns.
+    first = fit(start(observations, lines.angle, focal, centre, across=lines.columns), observations, rounds=3)
     observations = group_rows_and_margins(lines, first)
     return fit(first.cylinder, observations), observations
 

@@ -155,8 +155,9 @@ def part_of_lines(lines: TextLines, gutter: Gutter, which: str) -> TextLines | N
     """Text on one page; None if there is none."""
     middle, fragments = lines.ends.mean(axis=1), lines.fragments.mean(axis=1)
     here, there = (gutter.is_right(xy) == (which == "right") for xy in (middle, fragments))
+    uprights = tuple(xy for xy in lines.uprights if (gutter.is_right(xy) == (which == "right")).all())
     kept = select(lines, here)
-    return kept and replace(kept, fragments=lines.fragments[there])
+    return kept and replace(kept, fragments=lines.fragments[there], uprights=uprights)
 
 
 def _right_of(region: SheetRegion, gutter: Gutter) -> Bools:

@@ -1,27 +1,22 @@
-"""Text line detection: letters linked to their neighbours, and a smooth baseline through them."""
+"""Text line detection: letters linked to their neighbours, and a smooth baseline through them; and rules."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
-from planish.geometry.guards import TINY_PX
-from planish.photo.letters import Letters, find_letters, text_direction
+from planish.document import stem_ratio
+from planish.photo.chains import fit_baseline, link_letters
+from planish.photo.letters import Letters, find_letters, stroke_direction, text_direction
+from planish.photo.rules import DEGREE, RuleLimits, Rules, find_crossing_rules, find_rules, rule_limits
+from planish.photo.strokes import cut_into_slices
 from planish.photo.working_image import NEARBY, WorkingImage, ink_mask
-from planish.types import Floats, Ints
+from planish.types import Bools, Floats, Ints
 
-WORD_GAP = 2.2
-"""Widest gap within a line, in letter heights; wider ones are closed once the sheet's shape is known."""
-LIKE_HEIGHT = 2.6
-"""Largest ratio of heights of neighbouring letters."""
-OVERLAP = 0.4
-"""Least vertical overlap of neighbouring letters, relative to the lower one."""
 FEWEST = 4
 """Least number of letters in a line."""
 FRAGMENT = 3
@@ -32,15 +27,31 @@ LONG = 8
 """Least number of letters in a line that votes on orientation."""
 MAX_SIGMA = 3.0
 """Limit of the score [standard deviations]: errors of digits and capitals, straight on both sides, are correlated."""
+SCATTER = 0.04
+"""Scatter of this from line to line, in letter heights, without which two or three lines that agree would be sure."""
 UPRIGHT_PRIOR = 1.3
 """Prior [standard deviations]: nine of ten photographed documents are not upside down."""
 LEVEL = np.radians(8)
 """Text with a larger skew is rotated before its lines are detected."""
+FEW_LETTERS = 50
+"""With fewer letters the direction of most strokes is tried as well, and taken if more rules are seen along it."""
+JOINED = 0.85
+"""Residual of the heaviest strokes relative to that of the straighter edge below which a script is joined: Devanagari
+has 0.2 to 0.5, Arabic 0.4 to 0.7, Latin print 1.2 to 10."""
+MOST = 0.5
+"""Least share of a line's letters that no rule crosses: notes in a staff are no line of text."""
+COLUMNS = 0.9
+"""Strokes across the lines relative to those along them below which lines are columns: columns of Japanese have 0.65,
+level lines of Latin print 1.2 to 4."""
+COLUMN_LETTERS = 150
+"""Least number of letters on which that is seen."""
+SAMPLE = 12
+"""Number of chains, the longest ones, on which that is seen."""
 
 
 @dataclass(frozen=True, eq=False)
 class TextLines:
-    """Positions on the baselines of text lines, on the photo.
+    """Positions on the baselines of text lines, and on rules, on the photo.
 
     Attributes
     ----------
@@ -52,6 +63,8 @@ class TextLines:
         Median letter height of each line.
     ends : (lines, 2, 2) float64 [photo px]
         Beginning and end of each line.
+    rule : (lines,) bool
+        Whether it is a rule: of a staff, ruled paper, a table or a frame; its letters are pieces of it.
     angle : float [rad]
         Direction of the lines on the photo, clockwise from horizontal.
     upright : float
@@ -62,102 +75,130 @@ class TextLines:
         Mean grey around the letters of each line, 0 to 255.
     fragments : (k, 2, 2) float64 [photo px]
         Beginning and end of everything that may be text, including what is too short for a line.
+    seen : int
+        Number of all letters and pieces of rules, on lines or not.
+    uprights : tuple of (k, 2) float64 [photo px]
+        Positions on rules across the lines, of tables, frames and staves.
+    columns : bool
+        Whether the lines are columns, which run down the page.
     """
 
     photo_xy: Floats
     line: Ints
     height: Floats
     ends: Floats
+    rule: Bools
     angle: float
     upright: float
     straightness: float
     paper_level: Floats
     fragments: Floats
+    seen: int = 0
+    uprights: tuple[Floats, ...] = ()
+    columns: bool = False
+
+    @property
+    def letter_height(self) -> float:
+        """Median letter height of the lines of text [photo px]; where there is none, of letters between the rules."""
+        text = self.height[~self.rule]
+        return float(np.median(text)) if len(text) else 2 * float(np.median(self.height))
+
+    @property
+    def letter_heights(self) -> Floats:
+        """Letter height of each line [photo px], of rules that of the page."""
+        return np.where(self.rule, self.letter_height, self.height)
 
 
 def find_text_lines(image: WorkingImage) -> TextLines | None:
-    """Detect text lines at any angle; None if there are too few letters.
+    """Detect text lines and rules at any angle; None if there are too few letters.
 
-    Letters share a baseline, but their tops do not line up. The straighter edge is taken as the baseline, with a prior
-    against upside-down photos.
+    Letters share a baseline, but their tops do not line up: the straighter edge is the baseline. Joined scripts are
+    written along a stroke, which is straighter than both. Stems that run along the lines show columns, as of Chinese.
+    Which way up these two are, and rules, is left to the prior against upside-down photos.
     """
-    rotated, angle, letters = _deskewed(image)
-    if letters is None:
+    deskewed = _deskewed(image)
+    rotated, angle, ink, rules = deskewed.image, deskewed.angle, deskewed.ink, deskewed.rules
+    letters = find_letters(ink & ~rules.ink)
+    if len(letters.left) < 2 * FEWEST and not rules.chains:
         return None
-    fragments = [chain for chain in _link_letters(letters) if len(chain) >= FRAGMENT]
-    chains = [chain for chain in fragments if len(chain) >= FEWEST]
-    upright = _upright_score(letters, chains) + UPRIGHT_PRIOR * float(np.cos(angle))
+    fragments = [chain for chain in link_letters(letters) if len(chain) >= FRAGMENT]
+    apart = ~_cross(letters, rules.ink)
+    chains = [chain for chain in fragments if len(chain) >= FEWEST and apart[chain].mean() > MOST]
+    joined = _is_joined(ink, letters, chains)
+    columns = not joined and _are_columns(rotated.grey, ink, letters, chains)
+    words, chains = cut_into_slices(ink, letters, chains) if joined else (letters, chains)
+    if columns:
+        words = replace(words, base=words.middle[:, 1])
+    vote = 0.0 if joined or columns else _upright_score(letters, chains)
+    upright = vote + UPRIGHT_PRIOR * float(np.sin(angle) if columns else np.cos(angle))
+    pieces, rule_chains = rules.pieces, rules.chains
+    uprights = tuple(rotated.to_photo_xy(xy) for xy in find_crossing_rules(rotated.grey, ink, rules))
     if upright < 0:
-        letters, chains = _rotated_half_turn(letters, rotated.grey.shape), [chain[::-1] for chain in chains]
-        fragments = [chain[::-1] for chain in fragments]
+        letters, words, pieces = (these.rotated_half_turn(rotated.grey.shape) for these in (letters, words, pieces))
+        fragments, chains, rule_chains = ([c[::-1] for c in these] for these in (fragments, chains, rule_chains))
         rotated, angle = rotated.rotated(np.pi), angle + np.pi
-    return _collect(rotated, letters, chains, fragments, angle, abs(upright))
+    text = [_baseline(words, chain) for chain in chains]
+    ruled = [_baseline(pieces, chain, DEGREE) for chain in rule_chains]
+    ends = np.concatenate([_ends(letters, fragments), _ends(pieces, rule_chains)])
+    seen = len(letters.left) + sum(len(chain) for chain in rules.chains)
+    found = _collect(rotated, text, ruled, ends, angle, abs(upright))
+    return None if found is None else replace(found, seen=seen, uprights=uprights, columns=columns)
 
 
-def _rotated_half_turn(letters: Letters, shape_rc: tuple[int, ...]) -> Letters:
-    """The boxes after a half turn of the image, see `WorkingImage.rotated`."""
-    rows, cols = (n + 1 for n in shape_rc[:2])
-    return Letters(cols - letters.right, rows - letters.bottom, cols - letters.left, rows - letters.top)
+@dataclass(frozen=True, eq=False)
+class _Deskewed:
+    """A deskewed image, its skew angle, ink and rules."""
+
+    image: WorkingImage
+    angle: float
+    ink: Bools
+    rules: Rules
 
 
-def _deskewed(image: WorkingImage) -> tuple[WorkingImage, float, Letters | None]:
-    """The deskewed image, its skew angle and its letters."""
-    letters = find_letters(ink_mask(image.grey))
-    if len(letters.left) < 2 * FEWEST:
-        return image, 0.0, None
-    angle = text_direction(letters)
-    if abs(angle) < LEVEL:
-        return image, angle, letters
-    rotated = image.rotated(-angle)
-    letters = find_letters(ink_mask(rotated.grey))
-    return rotated, angle, letters if len(letters.left) >= 2 * FEWEST else None
+def _deskewed(image: WorkingImage) -> _Deskewed:
+    ink = ink_mask(image.grey)
+    letters = find_letters(ink)
+    many = len(letters.left) >= FEW_LETTERS
+    limits = rule_limits(image.grey, letters if many else letters.select(np.zeros(0, np.intp)))
+    text_angle = text_direction(letters) if len(letters.left) >= 2 * FEWEST else 0.0
+    angles = [text_angle] if many else [text_angle, stroke_direction(image.grey, ink)]
+    return max((_rotated(image, angle, ink, limits) for angle in angles), key=lambda one: len(one.rules.chains))
 
 
-def _link_letters(letters: Letters) -> list[Ints]:
-    """Link letters that are mutual nearest neighbours to the right and left; return the chains, in order."""
-    count = len(letters.left)
-    height, middle = letters.height, letters.middle
-    squeezed = middle * [1.0, 2.5]  # prefers neighbours to the side over those above and below
-    _, near = cKDTree(squeezed).query(squeezed, k=min(10, count))
-    one, other = np.repeat(np.arange(count), near.shape[1]), near.ravel()
-    gap = letters.left[other] - letters.right[one]
-    lower, higher = np.minimum(height[one], height[other]), np.maximum(height[one], height[other])
-    shared = np.minimum(letters.bottom[one], letters.bottom[other]) - np.maximum(letters.top[one], letters.top[other])
-    good = (middle[other, 0] > middle[one, 0]) & (gap > -0.4 * lower) & (gap < WORD_GAP * higher)
-    good &= (shared > OVERLAP * lower) & (higher < LIKE_HEIGHT * lower)
-    one, other, gap = one[good], other[good], gap[good]
-    right = _nearest(one, other, gap, count)
-    left = _nearest(other, one, gap, count)
-    here = np.flatnonzero(right >= 0)
-    here = here[left[right[here]] == here]
-    links = coo_array((np.ones(len(here)), (here, right[here])), shape=(count, count))
-    _, chain = connected_components(links, directed=False)
-    order = np.lexsort((middle[:, 0], chain))
-    return np.split(order.astype(np.int32), np.flatnonzero(np.diff(chain[order])) + 1)
+def _rotated(image: WorkingImage, angle: float, ink: Bools, limits: RuleLimits) -> _Deskewed:
+    if abs(angle) >= LEVEL:
+        image = image.rotated(-angle)
+        ink = ink_mask(image.grey)
+    return _Deskewed(image, angle, ink, find_rules(image.grey, ink, limits))
 
 
-def _nearest(one: Ints, other: Ints, gap: Floats, count: int) -> Ints:
-    """For each of `one` the `other` with the smallest gap; -1 if there is none."""
-    order = np.argsort(-gap, kind="stable")
-    found = np.full(count, -1, np.int32)
-    found[one[order]] = other[order]  # the last assignment has the smallest gap
-    return found
+def _cross(letters: Letters, rule_ink: Bools) -> Bools:
+    """Which boxes a rule crosses, as staff lines do notes: (n,)."""
+    count = cv2.integral(rule_ink.astype(np.uint8))
+    left, top, right, bottom = (v.astype(int) for v in (letters.left, letters.top, letters.right, letters.bottom))
+    return np.asarray(count[bottom, right] - count[top, right] - count[bottom, left] + count[top, left] > 0)
 
 
-def _baseline_weights(letters: Letters, chain: Ints) -> tuple[Floats, float]:
-    """Weights (k,) of a chain's letters, 0 for those off its baseline, and their median residual [letter heights]."""
-    return _fit_baseline(letters.middle[chain, 0], letters.bottom[chain], float(np.median(letters.height[chain])))
+def _is_joined(ink: Bools, letters: Letters, chains: list[Ints]) -> bool:
+    """Whether the heaviest strokes lie on straighter lines than bottoms and tops."""
+    longest = [chain for chain in sorted(chains, key=len)[-SAMPLE:] if len(chain) >= LONG]
+    if len(longest) < 2:
+        return False
+    slices, cut = cut_into_slices(ink, letters, longest)
+    strokes = np.median([_residual(slices, chain, slices.base) for chain in cut])
+    edges = [np.median([_residual(letters, c, edge) for c in longest]) for edge in (letters.top, letters.bottom)]
+    return bool(strokes < JOINED * min(edges))
 
 
-def _fit_baseline(x: Floats, y: Floats, height: float) -> tuple[Floats, float]:
-    t = (x - x.mean()) / max(float(np.ptp(x)), TINY_PX)
-    powers = t[:, None] ** np.arange(1 + min(3, max(1, len(x) // 6)))
-    weight = np.ones(len(x))
-    for scale in (0.4, 0.25, 0.15, 0.15):
-        root = np.sqrt(weight)[:, None]
-        residual = y - powers @ np.linalg.lstsq(powers * root, y * root[:, 0], rcond=None)[0]
-        weight = np.clip(1 - (residual / (2 * scale * height)) ** 2, 0, 1) ** 2 + 1e-3
-    return np.where(np.abs(residual) < 0.15 * height, weight, 0.0), float(np.median(np.abs(residual))) / height
+def _are_columns(grey: NDArray[np.uint8], ink: Bools, letters: Letters, chains: list[Ints]) -> bool:
+    """Whether most strokes of the text run along its lines."""
+    if sum(len(chain) for chain in chains) < COLUMN_LETTERS:
+        return False
+    mask = np.zeros(ink.shape, np.uint8)
+    for i in np.concatenate(chains):
+        mask[int(letters.top[i]) : int(letters.bottom[i]), int(letters.left[i]) : int(letters.right[i])] = 1
+    mask &= cv2.dilate(ink.astype(np.uint8), np.ones((3, 3), np.uint8))
+    return stem_ratio(grey, mask > 0) < COLUMNS
 
 
 def _upright_score(letters: Letters, chains: list[Ints]) -> float:
@@ -165,53 +206,71 @@ def _upright_score(letters: Letters, chains: list[Ints]) -> float:
     long = [chain for chain in chains if len(chain) >= LONG]
     if len(long) < 2:
         return 0.0
-    residual = np.array(
-        [[_baseline_residual(letters, chain, edge) for edge in (letters.top, letters.bottom)] for chain in long]
-    )
+    residual = np.array([[_residual(letters, chain, edge) for edge in (letters.top, letters.bottom)] for chain in long])
     weight = np.array([len(chain) for chain in long])
     straighter = residual[:, 0] - residual[:, 1]
     mean = float(np.average(straighter, weights=weight))
-    sigma = float(np.sqrt(np.average((straighter - mean) ** 2, weights=weight) / len(long)))
-    return float(np.clip(mean / max(sigma, 1e-3), -MAX_SIGMA, MAX_SIGMA))
+    scatter = np.hypot(np.sqrt(np.average((straighter - mean) ** 2, weights=weight)), SCATTER)
+    return float(np.clip(mean * np.sqrt(len(long)) / scatter, -MAX_SIGMA, MAX_SIGMA))
 
 
-def _baseline_residual(letters: Letters, chain: Ints, edge: Floats) -> float:
+def _residual(letters: Letters, chain: Ints, edge: Floats) -> float:
     """Median distance of letter bottoms, or tops, from a smooth curve [letter heights]."""
-    return _fit_baseline(letters.middle[chain, 0], edge[chain], float(np.median(letters.height[chain])))[1]
+    return fit_baseline(letters.middle[chain, 0], edge[chain], float(np.median(letters.height[chain])))[1]
+
+
+def _ends(letters: Letters, chains: list[Ints]) -> Floats:
+    """Beginning and end of each chain, at the bottom of its letters: (chains, 2, 2) [px]."""
+    return np.array(
+        [[[letters.left[c[0]], letters.bottom[c[0]]], [letters.right[c[-1]], letters.bottom[c[-1]]]] for c in chains]
+    ).reshape(-1, 2, 2)
+
+
+@dataclass(frozen=True, eq=False)
+class _Baseline:
+    """Baseline of a chain: positions on it, its ends, letter height, number of letters and their median residual."""
+
+    xy: Floats
+    ends: Floats
+    height: float
+    letters: int
+    residual: float
+
+
+def _baseline(letters: Letters, chain: Ints, most_degree: int = 3) -> _Baseline:
+    x, height = letters.middle[chain, 0], float(np.median(letters.height[chain]))
+    weight, residual = fit_baseline(x, letters.base[chain], height, most_degree)
+    xy = np.stack([x, letters.base[chain]], axis=1)[weight > 0] - [0.0, 0.5]
+    y = xy[[0, -1], 1] if len(xy) else np.zeros(2)
+    return _Baseline(xy, np.stack([[letters.left[chain[0]], letters.right[chain[-1]]], y], 1), height, len(x), residual)
 
 
 def _collect(
-    image: WorkingImage, letters: Letters, chains: list[Ints], fragments: list[Ints], angle: float, upright: float
+    image: WorkingImage,
+    text: Sequence[_Baseline],
+    rules: Sequence[_Baseline],
+    ends: Floats,
+    angle: float,
+    upright: float,
 ) -> TextLines | None:
-    fits = [_baseline_weights(letters, chain) for chain in chains]
-    kept = [
-        (chain, weight > 0)
-        for chain, (weight, residual) in zip(chains, fits, strict=True)
-        if residual < STRAIGHT and (weight > 0).sum() >= FEWEST - 1
-    ]
+    found = [*text, *rules]
+    good = [one.residual < STRAIGHT and len(one.xy) >= FEWEST - 1 for one in found]
+    kept = [one for one, use in zip(found, good, strict=True) if use]
     if not kept:
         return None
-    feet = [np.stack([letters.middle[c, 0], letters.bottom[c]], axis=1)[on] - 0.5 for c, on in kept]
-    ends = [
-        [[letters.left[c[0]], xy[0, 1]], [letters.right[c[-1]], xy[-1, 1]]]
-        for (c, _), xy in zip(kept, feet, strict=True)
-    ]
-    short = [
-        [[letters.left[c[0]], letters.bottom[c[0]]], [letters.right[c[-1]], letters.bottom[c[-1]]]] for c in fragments
-    ]
-    residual = np.concatenate([np.full(len(c), o) for c, (_, o) in zip(chains, fits, strict=True)])
     side = int(max(image.grey.shape) * NEARBY) | 1
     level = np.asarray(cv2.blur(image.grey, (side, side)), np.uint8)
     return TextLines(
-        photo_xy=image.to_photo_xy(np.concatenate(feet)),
-        line=np.repeat(np.arange(len(feet), dtype=np.int32), [len(xy) for xy in feet]),
-        height=np.array([np.median(letters.height[c]) for c, _ in kept]) * image.pixel_size,
-        ends=image.to_photo_xy(np.array(ends).reshape(-1, 2)).reshape(-1, 2, 2),
+        photo_xy=image.to_photo_xy(np.concatenate([one.xy for one in kept])),
+        line=np.repeat(np.arange(len(kept), dtype=np.int32), [len(one.xy) for one in kept]),
+        height=np.array([one.height for one in kept]) * image.pixel_size,
+        ends=image.to_photo_xy(np.array([one.ends for one in kept]).reshape(-1, 2)).reshape(-1, 2, 2),
+        rule=np.repeat([False, True], [len(text), len(rules)])[good],
         angle=angle,
         upright=upright,
-        straightness=float(np.median(residual)),
-        paper_level=np.array([_median_at(level, xy) for xy in feet]),
-        fragments=image.to_photo_xy(np.array(short).reshape(-1, 2)).reshape(-1, 2, 2),
+        straightness=float(np.median(np.repeat([one.residual for one in found], [one.letters for one in found]))),
+        paper_level=np.array([_median_at(level, one.xy) for one in kept]),
+        fragments=image.to_photo_xy(ends.reshape(-1, 2)).reshape(-1, 2, 2),
     )
 
 

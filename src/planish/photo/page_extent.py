@@ -54,8 +54,8 @@ def text_extent(lines: TextLines, cylinder: Cylinder, around: float = AROUND) ->
         raise InputError(
             "the lines of text do not fit any sheet of paper bent in one direction; is it text, seen from the front?"
         )
-    heights = np.repeat(lines.height, 2)[good, None] / cylinder.focal
-    height = float(np.median(lines.height)) / cylinder.focal
+    heights = np.repeat(lines.letter_heights, 2)[good, None] / cylinder.focal
+    height = lines.letter_height / cylinder.focal
     low = (ends[good] - around * heights - heights * [0, 1]).min(axis=0)
     high = (ends[good] + around * heights).max(axis=0)
     fragments, good = photo_to_page(cylinder, lines.fragments.reshape(-1, 2))

@@ -71,7 +71,7 @@ def from_polynomials(lines: TextLines, focal: float, centre: Floats) -> FittedSh
     curves = np.array([_curve(xy) for xy in positions])
     level = np.array([float(np.mean(np.polyval(c, xy[:, 0]))) for c, xy in zip(curves, positions, strict=True)])
     order = np.argsort(level)
-    height = AROUND * float(np.median(lines.height)) / focal
+    height = AROUND * lines.letter_height / focal
     warp = LineWarp(
         ends.min(axis=(0, 1)) - height,
         ends.max(axis=(0, 1)) + height,

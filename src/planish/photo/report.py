@@ -40,7 +40,7 @@ def photo_report(
     kept : float, optional
         Share of the sheet's region that the page shows.
     """
-    height = float(np.median(lines.height)) if lines is not None else None
+    height = lines.letter_height if lines is not None else None
     text = _is_letter(sheet, lines)
     before = _relative_rms(sheet, text, height, sheet.cylinder_fit.residual_px)
     after = _relative_rms(sheet, text, height, sheet.warped_residual_px)

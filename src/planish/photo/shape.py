@@ -13,7 +13,7 @@ from planish.photo.borders import NAMES, Borders, find_borders
 from planish.photo.creases import crease_length
 from planish.photo.fitted_sheet import FittedSheet, from_borders, from_lines
 from planish.photo.gutter import find_gutter, larger_part, part_of_lines, part_of_region
-from planish.photo.line_grouping import reject_false_lines
+from planish.photo.line_grouping import reject_false_lines, without_rule_ends
 from planish.photo.lines import TextLines, find_text_lines
 from planish.photo.page_extent import kept_share
 from planish.photo.polynomial import from_polynomials
@@ -123,9 +123,8 @@ def _shape_of(
 ) -> PhotoShape:
     lines = None if s.shape in ("borders", "shading") else part.lines
     sheet = _fit_sheet(photo, s, lines, part.borders, focal, centre)
-    scan = make_scan(
-        sheet.cylinder, sheet.warp, photo, _mm_per_unit(sheet, lines, s), icc, lines.upright if lines else 0.0
-    )
+    upright, columns = (lines.upright, lines.columns) if lines else (0.0, False)
+    scan = make_scan(sheet.cylinder, sheet.warp, photo, _mm_per_unit(sheet, lines, s), icc, upright, columns=columns)
     scale = "paper" if s.paper != "unknown" else "width" if s.width_mm else "unknown"
     kept = None if part.borders is None else kept_share(part.borders.outline, page_rim(sheet.cylinder, sheet.warp))
     report, warnings = photo_report(sheet, lines, crease_length(photo, sheet, lines), scale, focal_from, kept)
@@ -140,7 +139,7 @@ def _detect(photo: Pixels, s: PhotoSettings) -> list[_Part]:
     lines = _if_enough(reject_false_lines(lines) if lines is not None else None)
     if s.shape == "polynomial" or (s.shape == "text-lines" and s.pages == "1"):
         return [_Part(lines, None, None)]
-    regions = sheet_regions(photo, lines)
+    regions = sheet_regions(photo, None if lines is None else without_rule_ends(lines))
     first = next(regions)
     gutter = None
     if lines is not None and s.pages != "1":
@@ -238,9 +237,9 @@ def _mm_per_unit(sheet: FittedSheet, lines: TextLines | None, s: PhotoSettings) 
     """Millimetres per camera distance."""
     width, height = sheet.warp.high - sheet.warp.low
     if s.width_mm is not None:
-        return float(s.width_mm / width)
+        return float(s.width_mm / (height if lines is not None and lines.columns else width))
     if s.paper != "unknown":
         return float(PAPERS_MM[s.paper][1] / max(width, height))
-    if sheet.bordered or lines is None:
+    if sheet.bordered or lines is None or lines.rule.all():
         return float(USUAL_SHEET_MM / max(width, height))
-    return float(LETTER_MM / np.median(lines.height) * sheet.cylinder.focal)
+    return float(LETTER_MM / lines.letter_height * sheet.cylinder.focal)

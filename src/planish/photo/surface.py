@@ -13,6 +13,9 @@ POINTS_ACROSS = 72
 UP = np.array([1.0, -1.0, -1.0])
 """From the sheet's frame (y down, z away) to a scan's (y up, z towards the viewer)."""
 
+CLOCKWISE = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+"""A quarter turn of a scan."""
+
 
 def make_scan(
     cylinder: Cylinder,
@@ -21,6 +24,8 @@ def make_scan(
     mm_per_unit: float,
     icc: bytes | None = None,
     upright: float = 0.0,
+    *,
+    columns: bool = False,
 ) -> Scan:
     """Make a scan of a fitted sheet: points on the cylinder, text lines along x, and their photo positions.
 
@@ -36,14 +41,17 @@ def make_scan(
         The photo's colour profile.
     upright : float
         Confidence that the page is not upside down [standard deviations].
+    columns : bool
+        Whether the text lines are columns, and run down the page instead, the first one at the right.
     """
     page, (rows, cols) = grid(warp.low, warp.high, float((warp.high - warp.low).max()) / POINTS_ACROSS)
     photo_xy = space_to_photo(cylinder, page_to_space(cylinder, warp.inverse(page)))
     to_text_frame = np.eye(3)
     to_text_frame[:2, :2] = cylinder.text_axes()
-    points = page_to_space(cylinder, page) @ to_text_frame.T * UP * mm_per_unit
+    turn = CLOCKWISE if columns else np.eye(3)
+    points = page_to_space(cylinder, page) @ to_text_frame.T * UP @ turn.T * mm_per_unit
     matrix = np.array([[cylinder.focal, 0, cylinder.centre[0]], [0, cylinder.focal, cylinder.centre[1]], [0, 0, 1]])
-    rotation = cylinder.rotation @ to_text_frame.T * UP
+    rotation = cylinder.rotation @ to_text_frame.T * UP @ turn.T
     camera = Camera(matrix, rotation, mm_per_unit * cylinder.rotation[:, 2], photo.shape[:2])
     return Scan(Mesh.owned(points, _faces(rows, cols)), photo, photo_xy, camera, icc, upright=upright)
 
