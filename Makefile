@@ -7,12 +7,13 @@ PYTEST := $(BIN)/python -m pytest -q --numprocesses auto --dist loadfile --no-lo
 SECONDS := 600
 READERS := obj ply gltf tifxyz images depths captures cameras lasers clouds meshes foreign_cameras usd packed_gltf phone_photos
 
-.PHONY: demo test quick lint bench view fuzz docs site dist clean
+.PHONY: demo test quick lint bench view fuzz docs site dist wheels-check clean
 
 $(READY): pyproject.toml
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade "pip>=25.1"
 	$(BIN)/python -m pip install --quiet --group dev --editable .
+	$(BIN)/python -m pip install --quiet --pre "meshoptimizer>=0.2.20a0" 2>/dev/null || echo "no compiler: glTF packed with meshopt is not tested"
 	touch $@
 
 demo: $(READY)  ## scan a bound page virtually, restore it, show the numbers; see planish-demo/
@@ -62,6 +63,9 @@ dist: $(READY)  ## the wheel and the source distribution, tried in an environmen
 	rm -rf dist
 	$(BIN)/python -m build --quiet
 	.ci/try_wheel dist/planish-*.whl
+
+wheels-check:  ## does every dependency come as a wheel, on Windows, macOS and Linux, for Python 3.11 to 3.13?
+	.ci/check_wheels ocr usd photos packed clouds points web plot
 
 clean:
 	rm -rf $(VENV) build dist .pytest_cache .ruff_cache .mypy_cache

@@ -1,4 +1,4 @@
-"""Geometry of a glTF that Draco or meshopt packed: the extra `planish[packed]`."""
+"""Geometry of a glTF that Draco or meshopt packed: the extras `planish[packed]` and `planish[meshopt]`."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def unpack_meshopt(path: Path, data: bytes, count: int, stride: int, mode: str, 
     try:
         import meshoptimizer
     except ImportError:
-        raise MissingExtraError(f"{path} is packed with meshopt; to read it: pip install 'planish[packed]'") from None
+        raise MissingExtraError(f"{path} is packed with meshopt; to read it: pip install 'planish[meshopt]'") from None
     filters = {
         "OCTAHEDRAL": meshoptimizer.decode_filter_oct,
         "QUATERNION": meshoptimizer.decode_filter_quat,
