@@ -1,6 +1,7 @@
-"""Lines that are not Latin text: staves on photos of music, and virtual pages of Arabic, Hindi, Japanese and music.
+r"""Lines that are not Latin text: staves on photos of music, and virtual pages of Arabic, Hindi, Japanese and music.
 
-    python benchmarks/photo_lines.py [PHOTO ...] [--pages PAGE ...] [--arabic FONT] [--hindi FONT] [--japanese FONT]
+    python benchmarks/photo_lines.py [PHOTO ...] [--pages PAGE ...] [--sheets SHEET ...] \
+        [--arabic FONT] [--hindi FONT] [--japanese FONT]
 
 - staves, of each PHOTO restored with `planish photo`, or each PAGE that is restored already: rms distance of every
   staff line from the straight line through it, of all lines and of the worst, in distances of staff lines; and how far
@@ -55,12 +56,7 @@ def staves(page: Path) -> tuple[int, float, float, float]:
             slopes.append(np.degrees(np.arctan(fit[0])) ** 2)
     if not off:
         return 0, np.nan, np.nan, np.nan
-    return (
-        len(off),
-        float(np.sqrt(np.mean(np.square(off)))),
-        float(max(off)),
-        float(np.sqrt(np.mean(np.square(slopes)))),
-    )
+    return len(off), *(float(np.sqrt(value)) for value in (np.mean(off), max(off), np.mean(slopes)))
 
 
 def _staff_distance(lines: list[np.ndarray]) -> float:
@@ -98,7 +94,7 @@ def real_staves(photos: list[Path], pages: list[Path]) -> None:
             print(f"| {path.stem} | {count} | {rms:.3f} | {worst:.3f} | {slope:.2f} |", flush=True)
 
 
-def scripts(fonts: dict[str, str | None]) -> None:
+def scripts(fonts: dict[str, str | None], sheets: list[str]) -> None:
     print(f"| sheet (auto / text-lines) | {' | '.join(SCRIPTS)} |\n|{'---|' * (1 + len(SCRIPTS))}")
     for name in SHEETS:
         print(
@@ -133,13 +129,14 @@ def main() -> None:
     parser.add_argument("--pages", type=Path, nargs="*", default=[])
     for script in ("arabic", "hindi", "japanese"):
         parser.add_argument(f"--{script}")
+    parser.add_argument("--sheets", nargs="*", choices=SHEETS, default=SHEETS)
     asked = parser.parse_args()
     print(machine(), "\n")
     if asked.photos or asked.pages:
         real_staves(asked.photos, asked.pages)
     if not asked.pages:
         print()
-        scripts({name: getattr(asked, name) for name in ("arabic", "hindi", "japanese")})
+        scripts({name: getattr(asked, name) for name in ("arabic", "hindi", "japanese")}, asked.sheets)
 
 
 if __name__ == "__main__":
