@@ -66,6 +66,12 @@ SECTIONS = {
         "within 10 mm of creases; how far a printed picture's mean grey and a stamp's colour are from the true ones. "
         "Each cell: by geometry / from the background alone / not removed.",
     ),
+    "colours": (
+        "Colours kept",
+        "A chart of 24 patches and a grey picture, printed on bent sheets: CIEDE2000 to the colour in print, median / "
+        "95 %, of the patches, then of the picture. The default of `restore` is geometry, that of `photo` background. "
+        "White is the paper, black the ink: pages of planish as they are, the photo and pages of others scaled.",
+    ),
     "acquire": (
         "From light to scan",
         "Virtual devices before the page of a bound book: how true the surface is, and the page restored from it. The "
