@@ -13,9 +13,11 @@ from planish.gallery.scene_view import aim_camera
 from planish.geometry import project
 from planish.io.images import as_stored, read_photo
 from planish.io.photo_set import read_photo_set
+from planish.job.stage_images import write_stages
 from planish.mesh import grid_faces
+from planish.pipeline import restore
 from planish.pipeline.scale import scaled_by_page
-from planish.settings import PhotoSettings
+from planish.settings import BinarizeSettings, PhotoSettings, RenderSettings, RestoreSettings, ShadingSettings
 from planish.types import Mesh, PhotosReport, Scan
 
 CAMERA = aim_camera((60.0, -120.0, 500.0), (108.0, 140.0, 0.0), 300.0, (900, 1200))
@@ -118,6 +120,25 @@ def test_marks_go_to_the_photo_that_was_named(tmp_path):
 def test_settings_that_contradict_each_other(settings, problem):
     with pytest.raises(UsageError, match=problem):
         PhotoSettings(**settings)
+
+
+def test_stages_show_what_was_measured(tmp_path):
+    mesh, camera, _ = wave_scan(1.0)
+    scan = found_from(mesh, camera, None).acquired.scan
+    settings = RestoreSettings(
+        render=RenderSettings(dpi=40.0),
+        shading=ShadingSettings(shading="none"),
+        binarize=BinarizeSettings(binarize="none"),
+        rotate="0",
+    )
+    done = restore(scan, settings)
+    measured = (done.flattening.page_xy[:, 0] < done.flattening.size_mm[0] / 2).astype(float)
+    assert tmp_path / "9-measured.png" in write_stages(tmp_path, done, measured)
+    shown = read_photo(tmp_path / "9-measured.png").pixels
+    rows, cols = shown.shape[:2]
+    left, right = shown[rows // 2, cols // 4], shown[rows // 2, 6 * cols // 10]
+    assert left[0] > 200  # yellow
+    assert right[0] < 100  # dark blue
 
 
 def test_two_places_of_a_known_distance():
