@@ -11,7 +11,7 @@ page is its blank paper, black its ink: pages of planish are measured as they ar
 exposure, tint and ink as photographed and get both for nothing: each channel of linear light is scaled so that the
 median of blank paper becomes white and the darkest print black (von Kries; black point compensation).
 Patches are found on a page by the camera and the page's map; on pages of others by features matched with the print.
-page-dewarp is run with NO_BINARY, as its pages are black and white otherwise.
+page-dewarp is run with NO_BINARY: its pages are grey then, else black and white.
 Prints a Markdown table: median / 95 % of Delta E over patches, and the same over squares of the picture.
 """
 
