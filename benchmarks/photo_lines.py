@@ -96,7 +96,7 @@ def real_staves(photos: list[Path], pages: list[Path]) -> None:
 
 def scripts(fonts: dict[str, str | None], sheets: list[str]) -> None:
     print(f"| sheet (auto / text-lines) | {' | '.join(SCRIPTS)} |\n|{'---|' * (1 + len(SCRIPTS))}")
-    for name in SHEETS:
+    for name in sheets:
         print(
             f"| {name} | {' | '.join(_one_page(name, script, fonts.get(script)) for script in SCRIPTS)} |", flush=True
         )
