@@ -191,3 +191,11 @@ def test_the_step_to_the_leaves_below_is_no_crease():
     assert creases._length(beside, None) == pytest.approx(142, abs=2)
     assert creases._length(through, text) == pytest.approx(142, abs=2)
     assert creases._length(a_third, text) == pytest.approx(162, abs=2)
+
+
+@pytest.mark.parametrize("size_xy", [(9, 60), (40, 30), (90, 80)])
+def test_tiny_and_dark_photos_are_no_error(size_xy):
+    photo = np.zeros((size_xy[1], size_xy[0], 3), np.uint8)
+    photo[size_xy[1] // 3 : 2 * size_xy[1] // 3, size_xy[0] // 4 : size_xy[0] // 2] = 200
+    for region in sheet_regions(photo, None):
+        assert region.inside.shape == region.small.shape[:2]

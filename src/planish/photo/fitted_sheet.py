@@ -25,6 +25,12 @@ FAINTLY = 0.1
 """Least weight of a letter in the text's residual, however badly it fits."""
 AGAINST_TEXT = 1.3
 """Ratio of the text's residual with some sides to that without, from which the sides are no sides of this page."""
+BEYOND_REACH = 0.05
+"""Share of the page by which a plain side may lie farther off and be one."""
+ASKEW = 0.02
+"""Largest rms distance of such a side from a straight line on the page, relative to its long side."""
+MOST_BEYOND = 1.5
+"""Largest extent of a page beyond its text, relative to that on a flat sheet."""
 STIFFNESS = 3.0
 """Regularisation of the residual warp: a second difference of one sigma costs as much as so many letters displaced by
 one sigma."""
@@ -97,23 +103,32 @@ def from_borders(
     ratio : float, optional
         Aspect ratio, width / height, if all sides are plain.
     """
+    whole = all(borders.plain)
+    page_of_text = lines is not None and len(lines.line) >= PAGE_OF_TEXT
+    alone = _fit_lines(lines, focal, centre) if lines is not None and (page_of_text or not whole) else None
     observations = _border_observations(borders, lines, ratio)
     tries = [_fit_loose_sheet(borders, observations, focal, centre, across=across) for across in (False, True)]
-    if lines is not None and len(lines.line) >= PAGE_OF_TEXT:
-        bound = _fit_lines(lines, focal, centre)[0].cylinder
-        tries.append((fit(bound, observations, rounds=2), BOUND_ANGLE))
+    if page_of_text and alone is not None:
+        tries.append((fit(alone[0].cylinder, observations, rounds=2), BOUND_ANGLE))
     best, bend_angle_sigma = min(tries, key=lambda one: one[0].cost)
     if lines is not None:
         observations = _add_sides(group_rows_and_margins(lines, best), borders, ratio)
         best = fit(best.cylinder, observations, bend_angle_sigma=bend_angle_sigma)
     low, high = _page_corners(best, observations, borders, lines)
-    whole, fits = all(borders.plain), bool((low < high).all())
+    fits = bool((low < high).all())
+    if fits and lines is not None and not whole and observations.sides is not None:
+        reach = _reach(best, lines, borders, text_extent(lines, best.cylinder))
+        slack = BEYOND_REACH * (high - low)
+        fits = bool((low > reach[0] - slack).all() and (high < reach[1] + slack).all())
+        off = [best.residual_px[observations.group == k] for k in observations.sides if k >= 0]
+        worst = max(float(np.sqrt(np.mean(one**2))) for one in off)
+        fits &= worst < ASKEW * float((high - low).max()) * focal
     if fits:
         sheet = add_warp(best, observations, low, high, bordered=whole)
-    if lines is not None and not whole:
-        alone = from_lines(lines, borders, focal, centre)
-        if not fits or text_residual_px(sheet, lines) > AGAINST_TEXT * text_residual_px(alone, lines):
-            return alone
+    if lines is not None and alone is not None and not whole:
+        text = add_warp(*alone, *_page_corners(*alone, borders, lines), bordered=False)
+        if not fits or text_residual_px(sheet, lines) > AGAINST_TEXT * text_residual_px(text, lines):
+            return text
     elif not fits:
         raise InputError(
             "the outline on the photo does not fit any sheet of paper",
@@ -128,6 +143,8 @@ def _page_corners(
     """Corners of the page: its plain sides; elsewhere all of the sheet's region and of the text."""
     extents = [text_extent(lines, found.cylinder)] if lines is not None else []
     if borders is not None and (region := region_extent(borders.outline, found.cylinder)) is not None:
+        if lines is not None:
+            region = _not_beyond(_reach(found, lines, borders, extents[0]), region)
         extents.append(region)
     low = np.min([low for low, _ in extents], axis=0)
     high = np.max([high for _, high in extents], axis=0)
@@ -137,6 +154,27 @@ def _page_corners(
         )
         low, high = np.array([left, top]), np.array([right, bottom])
     return low, high
+
+
+def _reach(
+    found: CylinderFit, lines: TextLines, borders: Borders, text: tuple[Floats, Floats]
+) -> tuple[Floats, Floats]:
+    """How far a page may extend beyond its text: as far as on a flat sheet, and half as far again.
+
+    The bend of a sheet beyond its text is anybody's guess; a guess must not make most of the page.
+    """
+    count = len(lines.line)  # letters come first
+    letters, root = np.c_[lines.photo_xy, np.ones(count)], np.sqrt(found.weight[:count, None])
+    flat = np.linalg.lstsq(letters * root, found.page[:count] * root, rcond=None)[0]
+    outline = np.c_[borders.outline, np.ones(len(borders.outline))] @ flat
+    low, high = text
+    return low - MOST_BEYOND * (low - outline.min(axis=0)).clip(0), high + MOST_BEYOND * (
+        outline.max(axis=0) - high
+    ).clip(0)
+
+
+def _not_beyond(reach: tuple[Floats, Floats], extent: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
+    return np.maximum(reach[0], extent[0]), np.minimum(reach[1], extent[1])
 
 
 def _fit_loose_sheet(

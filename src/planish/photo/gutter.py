@@ -80,6 +80,8 @@ def find_gutter(region: SheetRegion, lines: TextLines, *, always: bool = False) 
         There are two pages: take the deepest valley, whatever its depth.
     """
     level, inside, turned = _turned(region, lines.angle)
+    if not inside.any():
+        return None
     depth, rows = _valleys(level, inside)
     offset = rows - rows.mean()
     best, found = -1.0, (0.0, 0, 0.0)

@@ -32,13 +32,16 @@ BESIDE = 9
 FEWEST_PX = 5
 ROUNDS = 6
 """Repetitions, as pieces that are found to be sheet may hide others."""
-ITERATIONS = 4
-"""Of GrabCut."""
+ITERATIONS, LEAST_GROUND = 4, 20
+"""Of GrabCut, and the number of pixels from which it can learn a mixture of five colours."""
 REFINED = 4
 """Half width of the band around GrabCut's outline within which the strongest edge is followed [px]."""
 BLACK, ALL_BLACK = 6, 0.98
 """Level of black bars that pad a photo, and the share of a row that must have it."""
-MOST_PADDING = 0.4
+LEAST_SHOWN = 0.2
+"""Least share of rows or columns between them; what is blacker is a dark photo."""
+MIXED = 3
+"""Width of a bar's edge, which the median filter and downsampling mix [px]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,10 +120,10 @@ def _padding(lightness: NDArray[np.uint8]) -> tuple[int, int, int, int]:
         black = (lightness <= BLACK).mean(axis=axis) > ALL_BLACK
         shown = np.flatnonzero(~black)
         first, last = (int(shown[0]), int(shown[-1]) + 1) if len(shown) else (0, len(black))
-        if len(black) - (last - first) > 2 * MOST_PADDING * len(black):
+        first, last = first + MIXED * (first > 0), last - MIXED * (last < len(black))
+        if last - first < LEAST_SHOWN * len(black):
             first, last = 0, len(black)
-        blurred = 3  # the median filter and downsampling mix the bar's edge
-        ends += [first + blurred * (first > 0), last - blurred * (last < len(black))]
+        ends += [first, last]
     return ends[0], ends[1], ends[2], ends[3]
 
 
@@ -195,7 +198,7 @@ def _grown(mask: Bools, by: int) -> Bools:
 
 def _by_colours(coarse: NDArray[np.uint8], sheet: Bools, ground: Bools) -> Bools:
     """Segment by the colours of sheet and ground, beginning with both in doubt."""
-    if not ground.any():
+    if ground.sum() < LEAST_GROUND:
         return np.ones(ground.shape, bool)
     mask = np.full(ground.shape, cv2.GC_PR_FGD, np.uint8)
     mask[ground], mask[sheet] = cv2.GC_BGD, cv2.GC_FGD
