@@ -1,7 +1,5 @@
 """What holds for every test: the same examples on every run, no network, compiled kernels shared by all processes."""
 
-import fcntl
-import functools
 import ipaddress
 import os
 import socket
@@ -10,42 +8,22 @@ from collections import Counter
 
 import pytest
 from hypothesis import settings
-from numba.core.caching import IndexDataCacheFile
 
 import planish
 from captures import DATA
 from planish.gallery import sheet, virtual_scan
+from planish.job.warm_up import lock_kernel_cache
 
 # A red run can be repeated; no deadline, as kernels compile on first use.
 settings.register_profile("planish", derandomize=True, deadline=None)
 settings.load_profile("planish")
 
 
+collect_ignore = ["without_posix"]  # changes the Python that imports it
+
+
 def pytest_configure():
-    for name, kind in (("load", fcntl.LOCK_SH), ("save", fcntl.LOCK_EX)):
-        setattr(IndexDataCacheFile, name, _locked(getattr(IndexDataCacheFile, name), kind))
-
-
-def _locked(method, kind):
-    """Lock the folder of Numba's cache.
-
-    Two processes that save different signatures of one kernel at the same moment take the same file name for both, and
-    the index then gives one signature the code of the other.
-    """
-
-    @functools.wraps(method)
-    def locked(self, *arguments):
-        try:
-            folder = os.open(self._cache_path, os.O_RDONLY)
-        except FileNotFoundError:  # nothing was compiled yet
-            return method(self, *arguments)
-        try:
-            fcntl.flock(folder, kind)
-            return method(self, *arguments)
-        finally:
-            os.close(folder)
-
-    return locked
+    lock_kernel_cache()
 
 
 def pytest_collection_modifyitems(items):

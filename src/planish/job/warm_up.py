@@ -7,15 +7,48 @@ meet, each finds in the cache what the other has compiled.
 
 from __future__ import annotations
 
+import functools
 import os
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import Any
 
 from numba import get_num_threads
+from numba.core.caching import IndexDataCacheFile
 from numba.core.event import Event, Listener, install_listener
+
+from planish.system import OPEN_FILES_CAN_BE_LOCKED, lock_open_file
+
+
+def lock_kernel_cache() -> None:
+    """Let processes take turns at numba's cache.
+
+    Two that save different signatures of one kernel at the same moment take the same file name for both, and the index
+    then gives one signature the code of the other. Every process that may compile beside another has to call this.
+    """
+    for name in ("load", "save"):
+        method = getattr(IndexDataCacheFile, name)
+        if not hasattr(method, "__wrapped__"):
+            setattr(IndexDataCacheFile, name, _with_lock(method))
+
+
+def _with_lock(method: Callable[..., Any]) -> Callable[..., Any]:
+    @functools.wraps(method)
+    def locked(self: IndexDataCacheFile, *arguments: Any) -> Any:
+        try:
+            folder = os.open(self._cache_path, os.O_RDONLY)
+        except OSError:  # nothing was compiled yet, or the system opens no folders
+            return method(self, *arguments)
+        try:
+            lock_open_file(folder, wait=True)
+            return method(self, *arguments)
+        finally:
+            os.close(folder)
+
+    return locked
 
 
 class _StartAtFirstKernel(Listener):
@@ -39,14 +72,16 @@ class _StartAtFirstKernel(Listener):
 def compile_from_both_ends(*, draw: bool = True) -> Iterator[None]:
     """While this is open, the first kernel that is not in numba's cache starts a second process that compiles, too.
 
-    The process ends with its work, with this context, or with this process. On one core none is started.
+    The process ends with its work, with this context, or with this process. On one core none is started, nor where the
+    two cannot take turns at the cache.
 
     Parameters
     ----------
     draw : bool
         Whether a page will be drawn, too.
     """
-    if get_num_threads() == 1:
+    lock_kernel_cache()
+    if get_num_threads() == 1 or not OPEN_FILES_CAN_BE_LOCKED:
         yield
         return
     starter = _StartAtFirstKernel(["draw"] if draw else [])
@@ -131,6 +166,7 @@ def _end_with_parent() -> None:
 
 
 if __name__ == "__main__":
+    lock_kernel_cache()
     threading.Thread(target=_end_with_parent, daemon=True).start()
     if "draw" in sys.argv:
         _draw()
