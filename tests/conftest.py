@@ -1,7 +1,6 @@
 """What holds for every test: the same examples on every run, no network, compiled kernels shared by all processes."""
 
 import ipaddress
-import os
 import socket
 import sys
 from collections import Counter
