@@ -8,9 +8,8 @@ import os
 import signal
 import sys
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
 from types import FrameType
-from typing import NoReturn
+from typing import NoReturn, TextIO
 
 from cyclopts import CycloptsError
 from rich.console import Console
@@ -90,12 +89,12 @@ def run(arguments: list[str] | None = None) -> int:
     except KeyboardInterrupt:
         return _fail(INTERRUPTED, "interrupted; no incomplete files were left")
     except BrokenPipeError:  # the reader closed the pipe, as in `planish ... | head`
-        _print_no_more()
+        _print_no_more(sys.stdout)
         return 0
     except OSError as problem:  # of the standard output: errors of files have come as OutputError
         if problem.errno not in (errno.ENOSPC, errno.EIO, errno.EFBIG):
             raise
-        _print_no_more()
+        _print_no_more(sys.stdout)
         return _fail(OutputError.exit_code, f"standard output cannot be written: {problem.strerror}")
     except Exception as problem:
         if not is_out_of_memory(problem):
@@ -103,13 +102,15 @@ def run(arguments: list[str] | None = None) -> int:
         return _fail(3, "not enough memory; give a smaller mesh or photo, or close other programs")
 
 
-def _print_no_more() -> None:
-    """Let the rest of the standard output lead nowhere: Python writes what it has kept when it ends."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+def _print_no_more(stream: TextIO) -> None:
+    """Let the rest of a standard stream lead nowhere: Python writes what it has kept when it ends."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 def _fail(code: int, sentence: str) -> int:
     line = " ".join(sentence.split())
-    with suppress(OSError):  # standard error may be full, too
+    try:
         Console(stderr=True, highlight=False, soft_wrap=True, markup=False).print(f"planish: {line}")
+    except OSError:  # full, or its reader has gone
+        _print_no_more(sys.stderr)
     return code

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from planish.hints import Naming, as_parameter, one_sentence, with_hint
 
@@ -69,7 +69,6 @@ def few_of_a_kind(warnings: Iterable[Diagnostic]) -> list[Diagnostic]:
     for code, number in count.items():
         if number > MOST_OF_A_KIND:
             one = kept[last[code]]
-            kept[last[code]] = Diagnostic(
-                code, f"{one.sentence} (and {number - MOST_OF_A_KIND:,} more of this kind)", one.hint
-            )
+            sentence = f"{one.sentence} (and {number - MOST_OF_A_KIND:,} more of this kind)"
+            kept[last[code]] = replace(one, sentence=sentence)
     return kept
