@@ -13,7 +13,7 @@ import pytest
 from build import ProjectBuilder
 
 ROOT = Path(__file__).parent.parent
-NOT_HANDED_OUT = re.compile(r"\.(ci|pre-commit-config|dockerignore|readthedocs)|Dockerfile")
+NOT_HANDED_OUT = re.compile(r"\.(ci|github|pre-commit-config|dockerignore|readthedocs)|Dockerfile")
 """Files of the project's own workshop, not needed to build, test or read it."""
 
 
