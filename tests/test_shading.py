@@ -169,7 +169,7 @@ def test_a_dark_poster_stays_dark_and_its_white_becomes_white(sheet, shape):
     page = remove_shading(photographed(poster), *sheet, ShadingSettings(shading="background")).page
     light = linear_light(256)[np.asarray(page.pixels)]
     assert light[220:310, 140:330].min() > 0.97
-    # beyond a few centimetres from the white nothing tells the shade, which runs from 0.4 to 1, from the print
+    # beyond a few centimetres from the white shade, which runs from 0.4 to 1, and print cannot be parted
     assert np.quantile(light[:180], 0.99) < 0.15
 
 
