@@ -159,6 +159,11 @@ def test_the_picture_shows_the_scan(book):
 
 BAD = {
     "sizes": ([np.ones(SHAPE), np.ones((9, 9))], {}, "depth map 2 is 9 x 9 pixels, the first 80 x 60"),
+    "beyond all numbers": (
+        [np.full(SHAPE, 1e300), np.full(SHAPE, np.inf)],
+        {},
+        "2 depth maps holds a depth: all are 0",
+    ),
     "zeros": ([np.zeros(SHAPE)], {}, "no pixel of the 1 depth maps holds a depth"),
     "camera": ([np.ones((30, 40))], {}, "the depth maps are 40 x 30 pixels, but the depth camera's"),
     "lonely": ([np.where(np.arange(4800).reshape(SHAPE) == 3, 500.0, 0)], {"mask": None}, "1 of 4,800 pixels"),

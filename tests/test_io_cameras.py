@@ -118,6 +118,8 @@ def without(key):
         (OWN | {"rotation": (2 * np.eye(3)).tolist()}, "no rotation matrix"),
         (OWN | {"rotation": np.diag([1, 1, -1]).tolist()}, "its determinant is -1"),
         (OWN | {"translation": [1, 2, None]}, "not finite"),
+        (OWN | {"translation": [1, 2, -1e300]}, "which no camera has; is the file damaged"),
+        ({"focal_px": 1e300, "width": 640, "height": 480, "cam": [0, 0, 1]}, "which no camera has"),
         (OWN | {"distortion": [1, 2, 3]}, "“distortion” has 3 numbers"),
         ({"P": np.zeros((3, 4)).tolist(), "image_size": [640, 480]}, "belongs to no camera"),
         ({"P": np.eye(3, 4).tolist()}, "does not say “image_size”"),

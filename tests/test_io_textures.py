@@ -3,6 +3,7 @@
 import base64
 import json
 import unicodedata
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from planish.errors import InputError, OutputError
 from planish.io import read_scan, write_scan
 from planish.io import scan_photos as photos_module
 from planish.io.encode import png_bytes
+from planish.pipeline.prepare import prepare
 from planish.render import draw
 from planish.settings import RenderSettings
 from planish.types import Mesh, Scan, Texture
@@ -438,3 +440,18 @@ def test_several_textures_are_written_and_read_again(tmp_path, suffix):
     np.testing.assert_allclose(again.photo_xy, places, atol=1e-3)
     with pytest.raises(OutputError, match="2 textures"):
         write_scan(tmp_path / "scan.glb", scan)
+
+
+@pytest.mark.parametrize("place", [(1e300, 0), (-1e300, 1e300), (np.nan, np.inf), (0.5, 1e155)])
+def test_texture_coordinates_beyond_all_photos_are_unknown(tmp_path, place):
+    mesh, uv = one_photo(tmp_path)
+    uv[ROWS * COLS // 2] = place
+    (tmp_path / "page.mtl").write_text("newmtl page\nmap_Kd photo.png\n")
+    text = "\n".join(f"v {x} {y} {z}" for x, y, z in mesh.points)
+    text += "\n" + "\n".join(f"vt {u!r} {v!r}" for u, v in uv.tolist())
+    head = "# units: mm\nmtllib page.mtl\nusemtl page\n"
+    (tmp_path / "scan.obj").write_text(head + text + "\n" + "\n".join(all_faces(mesh)))
+    scan = read_scan(tmp_path / "scan.obj").scan
+    assert np.isnan(scan.photo_xy).any(axis=1).sum() == 1
+    assert np.isnan(replace(scan, photo_xy=np.where(np.isnan(scan.photo_xy), 1e300, scan.photo_xy)).photo_xy).sum() == 2
+    assert prepare(scan, "auto").scan.photo is not None  # that no camera is sought for such places

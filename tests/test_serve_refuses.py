@@ -1,15 +1,25 @@
 """Requests that the service refuses, and their messages; no job is started here."""
 
 import asyncio
+import io
+import shutil
+import zipfile
+from pathlib import Path
 
 import httpx
+import pillow_heif
 import pytest
+from PIL import Image
 
 import bad_uploads
+from planish.errors import OutputError
 from planish.settings import ServeSettings
+from planish.system import others_may_enter
 from planish.web.app import application
 from planish.web.fields import read_fields
+from planish.web.server import make_private_folder
 from planish.web.service import Service
+from planish.web.zip_stream import ZipResponse
 
 LIMITS = ServeSettings(upload_mb=1, unpacked_mb=2, files=20, megapixels=100, queue=3)
 
@@ -80,6 +90,18 @@ def test_uploads_are_accepted_until_the_queue_is_full(service):
     assert ask(service, "POST", "/api/jobs", files=bad_uploads.GOOD).status_code == 201
 
 
+def test_what_an_image_holds_counts_and_not_how_its_name_ends(service, tmp_path):
+    heic = io.BytesIO()
+    pillow_heif.from_pillow(Image.new("RGB", (64, 48))).save(heic)
+    for name, data in (("p.jpg", bad_uploads.png()), ("p.heic", bad_uploads.png()), ("p.jpg", heic.getvalue())):
+        files = [("scan", ("scan.obj", bad_uploads.OBJ)), ("photo", (name, data))]
+        answer = ask(service, "POST", "/api/jobs", files=files)
+        assert answer.status_code == 201, answer.text
+    assert ask(service, "DELETE", answer.headers["location"]).status_code == 204  # the queue holds three
+    huge = [("scan", ("scan.obj", bad_uploads.OBJ)), ("photo", ("p.jpg", bad_uploads.png(100_000, 100_000)))]
+    assert_refused(ask(service, "POST", "/api/jobs", files=huge), 413, "10000 megapixels")
+
+
 FORM = "multipart/form-data; boundary=x"
 PART = b"--x\r\nContent-Disposition: form-data; "
 
@@ -118,6 +140,66 @@ def test_unknown_addresses_and_methods(service):
         assert_refused(ask(service, "GET", path), 404, "no such address")
 
 
+def finished_job(service, names=("page.tif", "report.json")):
+    """A job that is done, with files of some bytes."""
+    here = ask(service, "POST", "/api/jobs", files=bad_uploads.GOOD).headers["location"]
+    taken = service.store.take()
+    folder = service.scheduler.results(taken)
+    folder.mkdir()
+    for name in names:
+        (folder / name).write_bytes(b"flat" * 100_000)
+    service.store.finish(taken.id, {"files": list(names), "settled": True, "outcome": "settled"})
+    return here, folder
+
+
+def test_head_is_answered_with_the_headers_of_get_and_nothing_else(service):
+    here, _ = finished_job(service)
+    addresses = ["/", "/static/app.js", "/api/health", "/api/openapi.json", "/api/card-a4.pdf", here, "/nothing"]
+    for address in [*addresses, f"{here}/events", f"{here}/all.zip", f"{here}/files/page.tif"]:
+        get, head = ask(service, "GET", address), ask(service, "HEAD", address)
+        assert (head.status_code, head.content) == (get.status_code, b"")
+        assert head.headers == get.headers
+    waiting = ask(service, "POST", "/api/jobs", files=bad_uploads.GOOD).headers["location"]
+    assert ask(service, "HEAD", f"{waiting}/events").status_code == 200  # its GET would not end
+    assert ask(service, "HEAD", "/api/jobs").status_code == 405
+
+
+def test_a_result_that_is_no_longer_on_the_disk_is_gone(service):
+    here, folder = finished_job(service)
+    (folder / "report.json").unlink()
+    assert ask(service, "GET", f"{here}/files/page.tif").status_code == 200
+    for address in (f"{here}/files/report.json", f"{here}/all.zip"):
+        assert_refused(ask(service, "GET", address), 410, "report.json is no longer on the server's disk")
+    shutil.rmtree(folder)
+    assert_refused(ask(service, "GET", f"{here}/files/page.tif"), 410, "no longer on the server's disk")
+
+
+def test_a_zip_is_whole_even_if_its_files_are_deleted_before_it_is_sent(service):
+    _, folder = finished_job(service)
+    names = ["page.tif", "report.json"]
+    response = ZipResponse([folder / name for name in names], "a.zip")
+    shutil.rmtree(folder)
+    archive = zipfile.ZipFile(io.BytesIO(ask(service, "GET", "/", response).content))
+    assert archive.testzip() is None
+    assert archive.namelist() == names
+
+
+@pytest.mark.skipif(not others_may_enter(Path("/")), reason="this system keeps permissions elsewhere")
+def test_a_folder_of_jobs_is_made_private_or_refused(tmp_path):
+    folder = tmp_path / "data"
+    folder.mkdir(mode=0o755)
+    (folder / "jobs.sqlite").touch()
+    make_private_folder(folder)
+    assert folder.stat().st_mode & 0o777 == 0o700
+    folder.chmod(0o750)
+    (folder / "letter.txt").touch()
+    with pytest.raises(OutputError, match=r"other users may enter it, and it holds other files \(letter.txt\)"):
+        make_private_folder(folder)
+    assert folder.stat().st_mode & 0o777 == 0o750
+    folder.chmod(0o700)
+    make_private_folder(folder)
+
+
 def test_results_before_the_end_are_a_conflict(service):
     here = ask(service, "POST", "/api/jobs", files=bad_uploads.GOOD).headers["location"]
     assert_refused(ask(service, "GET", f"{here}/files/page.png"), 409, "this job is queued")
@@ -133,7 +215,8 @@ def test_unknown_hosts_and_cross_origin_requests_are_refused(service):
     assert_refused(ask(service, "GET", "/api/health", base=named), 421, "host name is not allowed")
     knowing = application(service, frozenset({"scans.example.org"}))
     assert ask(service, "GET", "/api/health", knowing, base=named).status_code == 200
-    for headers in ({"origin": "http://evil.example"}, {"origin": "null"}, {"sec-fetch-site": "cross-site"}):
+    origins = ("http://evil.example", "null", "http://[", "http://[::1", "\u2100", "")
+    for headers in (*({"origin": origin.encode()} for origin in origins), {"sec-fetch-site": "cross-site"}):
         answer = ask(service, "POST", "/api/jobs", files=bad_uploads.GOOD, headers=headers)
         assert_refused(answer, 403, "cross-origin")
     own = {"origin": "http://127.0.0.1:8008", "sec-fetch-site": "same-origin"}

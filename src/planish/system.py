@@ -81,6 +81,11 @@ def exclusive_lock(path: Path) -> Iterator[bool]:
         lock.release()
 
 
+def others_may_enter(folder: Path) -> bool:
+    """Whether the permissions of a folder let other users into it. Windows keeps those elsewhere: False."""
+    return os.name == "posix" and bool(folder.stat().st_mode & 0o077)
+
+
 def flush_to_disk(path: Path) -> None:
     """Bring a file that this process wrote, or the names in a folder, to the disk."""
     folder = path.is_dir()

@@ -35,6 +35,9 @@ _NOT_ORTHOGONAL = 1e-3
 
 _LARGEST_SIDE = 2**20
 
+_LARGEST = 1e15
+"""Of the numbers of a camera: pixels times the micrometres of a globe; far larger ones overflow when multiplied."""
+
 
 def read_camera(
     path: str | Path,
@@ -198,6 +201,8 @@ def _numbers(path: Path, name: str, value: object, *shapes: tuple[int, ...]) -> 
         raise InputError(f"{path}: “{name}” has {found} numbers; {wanted} are wanted")
     if not np.isfinite(array).all():
         raise InputError(f"{path}: “{name}” holds a number that is not finite")
+    if (np.abs(array) > _LARGEST).any():
+        raise InputError(f"{path}: “{name}” holds {np.abs(array).max():g}, which no camera has; is the file damaged?")
     return array
 
 

@@ -17,7 +17,7 @@ from planish.io.images import Photo, decode_photo, read_photo
 from planish.io.polygons import Polygons, uv_of_points
 from planish.io.textures import Image
 from planish.io.uv_charts import OUTSIDE
-from planish.types import Bools, Diagnostic, Floats, Ints, Pixels, Texture
+from planish.types import Bools, Diagnostic, Floats, Ints, Pixels, Texture, known_places
 
 KEPT_BYTES = 600e6
 """So many bytes of decoded textures stay in memory; further ones are decoded again whenever they are drawn (0.7 s for
@@ -153,8 +153,7 @@ def _in_pixels(uv: Floats, rows: int, cols: int) -> Floats:
     uv = np.vstack([uv, [np.nan, np.nan]])
     with np.errstate(invalid="ignore", over="ignore"):
         places = np.stack([uv[:, 0] * cols - 0.5, (1 - uv[:, 1]) * rows - 0.5], axis=1)
-    places[~np.isfinite(places).all(1)] = np.nan
-    return places
+    return known_places(places)
 
 
 def _corner_places(

@@ -4,7 +4,7 @@ Positions are (x, y[, z]) in millimetres; images are [row, col]. Arrays are read
 """
 
 from planish.types.arrays import Bools, Floats, Ints, Pixels, freeze, read_only, trusted_replace
-from planish.types.checks import check_place
+from planish.types.checks import check_place, known_places
 from planish.types.diagnostic import Diagnostic, few_of_a_kind
 from planish.types.page import Page, Restoration
 from planish.types.prepared import PreparedScan, Topology
@@ -58,6 +58,7 @@ __all__ = [
     "check_place",
     "few_of_a_kind",
     "freeze",
+    "known_places",
     "read_only",
     "summary",
     "trusted_replace",

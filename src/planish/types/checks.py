@@ -17,6 +17,10 @@ _LEAST_PHOTO = 8
 """Least side of a photo whose places are checked: of fewer pixels a sheet may fill one."""
 
 
+_FARTHEST_PX = 1e12
+"""Beyond, numbers of 64 bits are no longer good to a ten-thousandth of a pixel, and their squares overflow soon."""
+
+
 def check_points(given: object) -> Floats:
     """Points as (n, 3) float64, read-only.
 
@@ -119,7 +123,20 @@ def check_photo_xy(given: object, points: int, faces: int) -> Floats:
             f"photo_xy has the shape {array.shape}; wanted is ({points}, 2), x y of every point, or ({faces}, 3, 2), "
             "x y of every corner of every face"
         )
-    return frozen_copy(array.astype(np.float64, copy=False), given)
+    return frozen_copy(known_places(array.astype(np.float64, copy=False)), given)
+
+
+def known_places(photo_xy: Floats) -> Floats:
+    """Places on a photo (..., 2), with NaN for those that are no numbers or absurdly far from any photo.
+
+    Examples
+    --------
+    >>> known_places(np.array([[3.0, 4.0], [np.inf, 0.0], [7.0, -1e300]])).tolist()
+    [[3.0, 4.0], [nan, nan], [nan, nan]]
+    """
+    with np.errstate(invalid="ignore"):
+        known = (np.abs(photo_xy) < _FARTHEST_PX).all(axis=-1, keepdims=True)
+    return photo_xy if known.all() else np.where(known, photo_xy, np.nan)
 
 
 def check_mask(given: object) -> Bools:

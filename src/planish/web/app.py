@@ -22,7 +22,7 @@ from planish.web.jobs import MEDIA_TYPES, Health, JobState
 from planish.web.openapi import describe_api, request_body
 from planish.web.problems import HTTPProblem, media_response, problem_response, problem_responses
 from planish.web.service import Service
-from planish.web.zip_stream import stream_zip
+from planish.web.zip_stream import ZipResponse
 
 STATIC = Path(__file__).parent / "static"
 _INLINE_SUFFIXES = (".jpg", ".html")
@@ -122,13 +122,15 @@ def job_events(id: str, service: ServiceDep) -> StreamingResponse:
 @router.get(
     "/jobs/{id}/files/{name}",
     response_class=FileResponse,
-    responses=_FILE_RESPONSE | problem_responses(404, 409),
+    responses=_FILE_RESPONSE | problem_responses(404, 409, 410),
 )
 def job_file(id: str, name: str, service: ServiceDep) -> FileResponse:
     """Download one result file."""
     folder, names = service.results(id)
     if name not in names:
         raise HTTPProblem(404, f"this job has no such file; it has {', '.join(names)}")
+    if not (folder / name).is_file():
+        raise _gone(id, name)
     suffix = Path(name).suffix
     return FileResponse(
         folder / name,
@@ -142,15 +144,20 @@ def job_file(id: str, name: str, service: ServiceDep) -> FileResponse:
 @router.get(
     "/jobs/{id}/all.zip",
     response_class=StreamingResponse,
-    responses=_ZIP_RESPONSE | problem_responses(404, 409),
+    responses=_ZIP_RESPONSE | problem_responses(404, 409, 410),
 )
 def job_archive(id: str, service: ServiceDep) -> StreamingResponse:
     """Download all result files as one zip."""
     folder, names = service.results(id)
-    headers = {"content-disposition": 'attachment; filename="planish.zip"'}
-    return StreamingResponse(
-        stream_zip([folder / name for name in names]), media_type="application/zip", headers=headers
-    )
+    try:
+        return ZipResponse([folder / name for name in names], "planish.zip")
+    except FileNotFoundError as problem:
+        raise _gone(id, Path(problem.filename).name) from None
+
+
+def _gone(id: str, name: str) -> HTTPProblem:
+    logging.getLogger("planish.web").error("%s of job %s is no longer on the disk", name, id)
+    return HTTPProblem(410, f"{name} is no longer on the server's disk; send the scan again")
 
 
 @router.get("/card-{paper}.pdf", response_class=Response, responses=_PDF_RESPONSE | problem_responses(404))

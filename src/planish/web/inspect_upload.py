@@ -148,13 +148,13 @@ def _check_file(path: Path, limits: ServeSettings) -> None:
 
 
 def _check_image(path: Path, name: str, limits: ServeSettings) -> None:
-    """Check an image by its header, without decoding it."""
+    """Check an image by its header, without decoding it. What it holds counts, not how its name ends."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             limit, Image.MAX_IMAGE_PIXELS = Image.MAX_IMAGE_PIXELS, None
             try:
-                width, height = _heic_size(path) if IMAGES[path.suffix.lower()] == "HEIC" else _image_size(path)
+                width, height = _heic_size(path) if _is_heif(path) else _image_size(path)
             finally:
                 Image.MAX_IMAGE_PIXELS = limit
     except HTTPProblem:
@@ -167,6 +167,11 @@ def _check_image(path: Path, name: str, limits: ServeSettings) -> None:
             f"{name} has {width * height / 1e6:.0f} megapixels ({width} x {height}); the limit is "
             f"{limits.megapixels:g}",
         )
+
+
+def _is_heif(path: Path) -> bool:
+    with path.open("rb") as file:
+        return file.read(8)[4:] == b"ftyp"
 
 
 def _image_size(path: Path) -> tuple[int, int]:

@@ -16,12 +16,14 @@ import uvicorn
 
 from planish.errors import OutputError
 from planish.settings import ServeSettings
-from planish.system import exclusive_lock
+from planish.system import exclusive_lock, others_may_enter
 from planish.web.app import application
 from planish.web.service import Service
 
 _SHUTDOWN_TIMEOUT = 5
 """Seconds to finish responses at shutdown."""
+_OWN_NAMES = {"jobs", "jobs.sqlite", "jobs.sqlite-wal", "jobs.sqlite-shm", "lock"}
+"""What a folder of jobs and results holds."""
 
 
 def run_server(
@@ -56,7 +58,7 @@ def run_server(
     KeyboardInterrupt
         After Ctrl-C.
     """
-    _make_private_folder(folder)
+    make_private_folder(folder)
     with _exclusive_lock(folder), _listen(host, port) as listener:
         service = Service(folder, limits)
         config = uvicorn.Config(
@@ -97,16 +99,28 @@ class _Server(uvicorn.Server):
         self.service.begin_shutdown()
 
 
-def _make_private_folder(folder: Path) -> None:
-    """Create the folder, readable by this user only: scans may be confidential."""
+def make_private_folder(folder: Path) -> None:
+    """Create the folder, or make it readable by this user only: scans may be confidential, and job ids are credentials.
+
+    A folder in place that holds other things stays as it is.
+    """
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        if not os.access(folder, os.W_OK | os.X_OK):
+        if not os.access(folder, os.R_OK | os.W_OK | os.X_OK):
             raise PermissionError(errno.EACCES, "no write permission")
+        others = sorted({path.name for path in folder.iterdir()} - _OWN_NAMES)
+        if others_may_enter(folder) and not others:
+            folder.chmod(0o700)
     except OSError as problem:
         raise OutputError(
             f"{folder} cannot be used for jobs and results: {problem.strerror}; give another folder with --data"
         ) from None
+    if others_may_enter(folder):
+        why = f"it holds other files ({others[0]})" if others else "its permissions cannot be changed"
+        raise OutputError(
+            f"{folder} cannot be used for jobs and results: other users may enter it, and {why}",
+            "give a folder of its own with --data, or close this one with chmod 700",
+        )
 
 
 @contextmanager

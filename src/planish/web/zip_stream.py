@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+import os
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
+from time import localtime
+from typing import BinaryIO
+
+from starlette.responses import StreamingResponse
+from starlette.types import Receive, Scope, Send
 
 _CHUNK_BYTES = 1 << 18
 
@@ -28,8 +35,30 @@ class _StreamBuffer:
         return data
 
 
-def stream_zip(paths: list[Path]) -> Iterator[bytes]:
-    """Yield chunks of a zip of some files, stored without compression: images and PDFs are compressed already.
+class ZipResponse(StreamingResponse):
+    """Response with a zip of some files, which are opened at once: it is whole even if they are deleted meanwhile.
+
+    Raises
+    ------
+    FileNotFoundError
+        When it is created.
+    """
+
+    def __init__(self, paths: list[Path], name: str):
+        with ExitStack() as opening:
+            files = [opening.enter_context(path.open("rb")) for path in paths]
+            self._opened = opening.pop_all()
+        headers = {"content-disposition": f'attachment; filename="{name}"'}
+        super().__init__(stream_zip(files), media_type="application/zip", headers=headers)
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Send it; the files are closed also when the client leaves."""
+        with self._opened:
+            await super().__call__(scope, receive, send)
+
+
+def stream_zip(files: Iterable[BinaryIO]) -> Iterator[bytes]:
+    """Yield chunks of a zip of open files, stored without compression: images and PDFs are compressed already.
 
     Examples
     --------
@@ -37,15 +66,17 @@ def stream_zip(paths: list[Path]) -> Iterator[bytes]:
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = Path(folder) / "page.txt"
     ...     _ = path.write_text("flat")
-    ...     data = b"".join(stream_zip([path]))
+    ...     with path.open("rb") as file:
+    ...         data = b"".join(stream_zip([file]))
     >>> zipfile.ZipFile(io.BytesIO(data)).read("page.txt")
     b'flat'
     """
     pipe = _StreamBuffer()
     with zipfile.ZipFile(pipe, "w", zipfile.ZIP_STORED) as archive:  # type: ignore[call-overload]
-        for path in paths:
-            entry = zipfile.ZipInfo.from_file(path, path.name)
-            with path.open("rb") as source, archive.open(entry, "w", force_zip64=entry.file_size > 1 << 31) as target:
+        for source in files:
+            status = os.fstat(source.fileno())
+            entry = zipfile.ZipInfo(Path(source.name).name, localtime(status.st_mtime)[:6])
+            with archive.open(entry, "w", force_zip64=status.st_size > 1 << 31) as target:
                 while chunk := source.read(_CHUNK_BYTES):
                     target.write(chunk)
                     yield pipe.take()

@@ -290,7 +290,9 @@ def _stack_frames(frames: Sequence[Floats], camera: Camera) -> NDArray[np.float3
             f"the depth maps are {_size(shapes[0])} pixels, but the depth camera's numbers are for "
             f"{_size(camera.shape_rc)}; give the calibration of this camera at this size"
         )
-    stack = np.stack([np.asarray(frame, np.float32) for frame in frames])
+    with np.errstate(over="ignore"):
+        stack = np.stack([np.asarray(frame, np.float32) for frame in frames])
+    stack[~np.isfinite(stack)] = np.nan
     if not (stack > 0).any():
         raise InputError(
             f"no pixel of the {len(frames)} depth maps holds a depth: all are 0 or not finite; was the camera covered, "
