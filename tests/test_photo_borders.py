@@ -177,6 +177,15 @@ def test_the_larger_page_is_made_and_the_other_named():
     np.testing.assert_allclose(right.scan.photo_xy, alone.scan.photo_xy)
 
 
+def test_of_two_pages_the_one_with_a_shape_is_made():
+    photo = printed_book()
+    photo[:, :330] = cv2.GaussianBlur(photo, (0, 0), 12)[:, :330]  # the left page out of focus
+    (right,) = find_shapes(photo, PhotoSettings(shape="text-lines", pages="2"))
+    assert right.side == "right"
+    sentences = {warning.code: warning.sentence for warning in right.warnings}
+    assert "the left one has no shape: " in sentences["page-not-made"]
+
+
 def piece(*slices):
     crease = np.zeros((300, 200), bool)
     crease[slices] = True

@@ -137,9 +137,11 @@ def test_every_point_of_the_file_gets_a_finite_place(book):
 
 def test_progress_names_every_stage(book):
     told = []
-    planish.restore(book.scan, DRAFT, lambda name, share: told.append((name, share)))
+    sharper = replace(DRAFT, render=replace(DRAFT.render, sharpen=1.0))
+    done = planish.restore(book.scan, sharper, lambda name, share: told.append((name, share)))
     names = list(dict.fromkeys(name for name, _ in told))
-    assert names == ["clean", "flatten", "turn", "render", "unshade", "measure"]
+    assert names == ["clean", "flatten", "turn", "render", "unshade", "sharpen", "measure"]
+    assert np.asarray(done.page.pixels).std() > np.asarray(planish.restore(book.scan, DRAFT).page.pixels).std()
     assert all(0 <= share <= 1 for _, share in told)
 
 

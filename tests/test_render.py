@@ -7,12 +7,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from planish.color import code_values, linear_light
-from planish.errors import InputError
+from planish.errors import InputError, UsageError
 from planish.geometry import project
-from planish.render import draw
+from planish.render import draw, sharpened
 from planish.render.uv_map import uv_map
 from planish.settings import RenderSettings
-from planish.types import Camera, Mesh, Scan
+from planish.types import Camera, Mesh, Page, Scan
 from shapes import grid
 
 INCH = 25.4
@@ -364,3 +364,24 @@ def test_lens_distortion():
     expected = points[:, :2] / 100 * 500 * (1 + 0.1 * 0.25 * np.array([[1], [1], [0]])) + [320, 240]
     np.testing.assert_allclose(project(bent, points), expected, atol=1e-9)
     np.testing.assert_allclose(project(camera, points), points[:, :2] * 5 + [320, 240], atol=1e-9)
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_sharpening_darkens_pale_strokes_and_nothing_else(dtype):
+    white = np.iinfo(dtype).max
+    rows = 2100  # more than are sharpened at a time
+    pixels = np.full((rows, 80, 3), white, dtype)
+    pixels[:, 20:22] = 0.7 * white  # a thin stroke, pale from blur
+    pixels[:, 50:] = 0.5 * white  # a grey area
+    page = Page(pixels, np.ones((rows, 80), bool), 300.0)
+    sharp = np.asarray(sharpened(page, 1.0, 300.0).pixels)
+    assert (sharp == sharp[:1]).all()  # no seams between bands
+    assert sharp[0, 20].max() < 0.5 * white
+    assert (sharp[0, :10] == white).all()
+    np.testing.assert_allclose(sharp[0, 65:].astype(float), 0.5 * white, atol=1)
+    assert sharpened(page, 0.0, 300.0) is page
+
+
+def test_sharpening_is_checked():
+    with pytest.raises(UsageError, match="sharpen must be between 0 and 10"):
+        RenderSettings(sharpen=-1.0)

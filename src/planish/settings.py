@@ -234,11 +234,16 @@ class RenderSettings:
     dpi : float or "auto"
         Page pixels per 25.4 mm. auto: a usual value that keeps the median resolution of the photo on the page; 1.5
         times that, and more, below 200.
+    sharpen : float
+        Amount of unsharp mask, as wide as a photo's blur: thin print that is pale from blur becomes darker. 0: none.
     """
 
     dpi: float | Literal["auto"] = 300.0
+    sharpen: float = 0.0
 
     def __post_init__(self) -> None:
+        if not 0 <= self.sharpen <= 10:
+            raise UsageError(f"sharpen must be between 0 and 10, not {self.sharpen}")
         if self.dpi != "auto" and not 1 <= self.dpi <= 10_000:
             raise UsageError(f"dpi must be between 1 and 10000, or auto, not {self.dpi}")
 

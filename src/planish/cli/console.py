@@ -26,6 +26,7 @@ STAGE_LABELS = {
     "render": "Rendering the page",
     "split": "Splitting the pages",
     "unshade": "Removing the shading",
+    "sharpen": "Sharpening",
     "binarize": "Binarizing",
     "measure": "Measuring",
     "text": "Recognizing text",

@@ -17,6 +17,7 @@ Flags = Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class _Rendering(RenderSettings):
     dpi: float | Literal["auto"] = "auto"
+    sharpen: float = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,10 +111,10 @@ def photo(
         raise UsageError(
             "a binarized page was requested, but the binarization method is none", "name a method with {binarize}"
         )
-    count = 2 if shape.pages == "2" else 1
     for written_to in (output, binary, report):
-        for name in page_names(written_to, count) if written_to is not None else []:
-            check_writable(name, overwrite=overwrite)
+        for number in (1, 2) if shape.pages == "2" else (None,):
+            if written_to is not None:
+                check_writable(page_name(written_to, number), overwrite=overwrite)
     if binary is None and stages is None:
         binarizing = replace(binarizing, binarize="none")
     settings = RestoreSettings(render=rendering, shading=shading, binarize=binarizing, rotate=rotate)
@@ -122,37 +123,37 @@ def photo(
         sheets = (
             [shape_of_several(files, shape, camera, progress)] if several else shapes_of_one(files[0], shape, progress)
         )
-        for k, sheet in enumerate(sheets):
+        for sheet in sheets:
             restoration = restore(sheet.scan, settings, progress, way_up)
             start = perf_counter()
             progress("write", 0.0)
             assert restoration.page is not None
             write = write_page if sheet.scaled else write_unscaled_page
-            written = [page_names(output, count)[k]]
+            written = [page_name(output, sheet.number)]
             write(written[0], restoration.page)
             if binary is not None:
                 assert restoration.binary is not None
-                written.append(page_names(binary, count)[k])
+                written.append(page_name(binary, sheet.number))
                 write(written[-1], restoration.binary)
             if report is not None:
-                written.append(page_names(report, count)[k])
+                written.append(page_name(report, sheet.number))
             if stages is not None:
-                written += write_stages(page_names(stages, count)[k], restoration, sheet.measured)
+                written += write_stages(page_name(stages, sheet.number), restoration, sheet.measured)
             completed = sheet.completed(restoration, perf_counter() - start)
             if report is not None:
-                write_json(page_names(report, count)[k], completed)
+                write_json(page_name(report, sheet.number), completed)
             finished.append((completed, written))
     for completed, written in finished:
         print_report(completed, [str(path) for path in written], quiet=quiet, verbose=verbose)
     return all(completed.settled for completed, _ in finished)
 
 
-def page_names(path: Path, count: int) -> list[Path]:
-    """NAME, or NAME-1 and NAME-2, whatever the format: each page has its own size and report.
+def page_name(path: Path, number: int | None) -> Path:
+    """NAME, or NAME-1 and NAME-2 of facing pages, whatever the format: each page has its own size and report.
 
     Examples
     --------
-    >>> [name.name for name in page_names(Path("book.tif"), 2)]
-    ['book-1.tif', 'book-2.tif']
+    >>> [page_name(Path("book.tif"), number).name for number in (None, 1, 2)]
+    ['book.tif', 'book-1.tif', 'book-2.tif']
     """
-    return [path] if count == 1 else [path.with_name(f"{path.stem}-{k + 1}{path.suffix}") for k in range(count)]
+    return path if number is None else path.with_name(f"{path.stem}-{number}{path.suffix}")

@@ -25,6 +25,8 @@ class PhotographedSheet:
         Of reading and finding the shape.
     complete : callable
         Adds what the photos told to the report.
+    number : 1, 2 or None
+        Of two facing pages, the left one first.
     measured : (n,) float64 or None
         Of the scan's points, if several photos measured them: 1 where they did, falling to 0 where it is bridged.
     """
@@ -34,6 +36,7 @@ class PhotographedSheet:
     seconds: dict[str, float]
     complete: Callable[[Restoration], Report]
     measured: Floats | None = None
+    number: int | None = None
 
     def completed(self, restoration: Restoration, write_seconds: float) -> Report:
         """The report of the whole command."""
@@ -60,7 +63,8 @@ def shapes_of_one(file: Path, settings: PhotoSettings, progress: Progress) -> li
             warnings = [*image.warnings, *sheet.warnings, *restoration.report.warnings]
             return replace(restoration.report, photo=sheet.report, warnings=warnings)
 
-        return PhotographedSheet(sheet.scan, sheet.report.scale != "unknown", seconds, complete)
+        number = None if sheet.side is None else 1 + (sheet.side == "right")
+        return PhotographedSheet(sheet.scan, sheet.report.scale != "unknown", seconds, complete, number=number)
 
     return [photographed(sheet) for sheet in sheets]
 

@@ -49,11 +49,14 @@ class PhotoShape:
         Surface mesh with the photo and its camera; input of `planish.restore`.
     report : PhotoReport
     warnings : tuple of Diagnostic
+    side : "left", "right" or None
+        Which of two facing pages it is, where both were asked for.
     """
 
     scan: Scan
     report: PhotoReport
     warnings: tuple[Diagnostic, ...]
+    side: str | None = None
 
     __repr__ = one_line
 
@@ -64,8 +67,10 @@ class _Part:
 
     lines: TextLines | None
     borders: Borders | None
-    facing: str | None
+    facing: str | None = None
     """On which side of it another page lies that is left out."""
+    side: str | None = None
+    """Which of two facing pages it is, where both are to be made."""
 
 
 def find_shape(
@@ -109,13 +114,30 @@ def find_shape(
 def find_shapes(
     photo: Pixels, settings: PhotoSettings | None = None, *, focal_px: float | None = None, icc: bytes | None = None
 ) -> tuple[PhotoShape, ...]:
-    """Find the shapes of the pages asked for: two facing ones, from left to right, or one; see `find_shape`."""
+    """Find the shapes of the pages asked for: two facing ones, from left to right, or one; see `find_shape`.
+
+    Of two pages one may have no shape: then the other comes alone, and a warning of it says why.
+
+    Raises
+    ------
+    InputError, UsageError
+        As `find_shape`; of two pages where neither has a shape, the second one's.
+    """
     s = settings or PhotoSettings()
     focal = focal_px or USUAL_FOCAL * max(photo.shape[:2])
     centre = (np.array(photo.shape[1::-1]) - 1) / 2
-    return tuple(
-        _shape_of(photo, s, part, focal, centre, "exif" if focal_px else "assumed", icc) for part in _detect(photo, s)
-    )
+    shapes: list[PhotoShape] = []
+    lost: list[Diagnostic] = []
+    parts = _detect(photo, s)
+    for part in parts:
+        try:
+            shapes.append(_shape_of(photo, s, part, focal, centre, "exif" if focal_px else "assumed", icc))
+        except InputError as error:
+            if part is parts[-1] and not shapes:
+                raise
+            sentence = f"only one of the two pages was made; the {part.side} one has no shape: {error.sentence}"
+            lost.append(Diagnostic("page-not-made", sentence, error.hint))
+    return tuple(replace(shape, warnings=(*lost, *shape.warnings)) for shape in shapes)
 
 
 def _shape_of(
@@ -130,7 +152,7 @@ def _shape_of(
     report, warnings = photo_report(sheet, lines, crease_length(photo, sheet, lines), scale, focal_from, kept)
     if s.shape == "polynomial":
         report = replace(report, shape="polynomial")
-    return PhotoShape(scan, report, (*_left_out(part), *warnings))
+    return PhotoShape(scan, report, (*_left_out(part), *warnings), part.side)
 
 
 def _detect(photo: Pixels, s: PhotoSettings) -> list[_Part]:
@@ -138,7 +160,7 @@ def _detect(photo: Pixels, s: PhotoSettings) -> list[_Part]:
     lines = find_text_lines(working_image(photo))
     lines = _if_enough(reject_false_lines(lines) if lines is not None else None)
     if s.shape == "polynomial" or (s.shape == "text-lines" and s.pages == "1"):
-        return [_Part(lines, None, None)]
+        return [_Part(lines, None)]
     regions = sheet_regions(photo, None if lines is None else without_rule_ends(lines))
     first = next(regions)
     gutter = None
@@ -148,7 +170,7 @@ def _detect(photo: Pixels, s: PhotoSettings) -> list[_Part]:
         raise InputError("the photo shows no lines of text beside which a gutter could be found")
     if gutter is None:
         borders = None if s.shape == "text-lines" else find_borders(chain([first], regions), _angle(lines))
-        return [_Part(lines, borders, None)]
+        return [_Part(lines, borders)]
     wanted = ("left", "right") if s.pages == "2" else (larger_part(first, gutter),)
     both = [first, *regions]
     parts = []
@@ -156,8 +178,9 @@ def _detect(photo: Pixels, s: PhotoSettings) -> list[_Part]:
         here = _if_enough(part_of_lines(lines, gutter, which)) if lines is not None else None
         pages = [part_of_region(region, gutter, which) for region in both]
         borders = None if s.shape == "text-lines" else find_borders(pages, _angle(lines), gutter)
-        facing = None if s.pages == "2" else "left" if which == "right" else "right"
-        parts.append(_Part(here, borders, facing))
+        both_made = s.pages == "2"
+        facing = None if both_made else "left" if which == "right" else "right"
+        parts.append(_Part(here, borders, facing, which if both_made else None))
     return parts
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, partial
 
 from planish.binarize import binarize
@@ -14,7 +14,7 @@ from planish.pipeline.huge import bounded_dpi
 from planish.pipeline.orient import OrientationReader, orient_by_shape, orient_by_text
 from planish.pipeline.prepare import prepare
 from planish.pipeline.stages import Progress, StageTimer, no_progress
-from planish.render import Rendered, missing_regions, photo_views, render_page
+from planish.render import Rendered, missing_regions, photo_views, render_page, sharpened
 from planish.report import build_report
 from planish.settings import Pages, RestoreSettings
 from planish.types import (
@@ -143,6 +143,13 @@ def draw_page(
         with stage("unshade"):
             normals = prepared.normals if flat.normals is None else flat.normals
             lit = remove_shading(rendered.page, sheet, flat.page_xy, normals, s.shading)
+    if s.render.sharpen:
+        with stage("sharpen"):
+            sharp = sharpened(lit.page if lit else rendered.page, s.render.sharpen, rendered.resolution.median_ppi)
+            if lit:
+                lit = replace(lit, page=sharp)
+            else:
+                rendered = replace(rendered, page=sharp)
     with stage("turn"):
         warnings += _mirrored(lit.page if lit else rendered.page)
     return flat, DrawnPage(rendered, lit, spine, tuple(warnings))

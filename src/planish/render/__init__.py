@@ -4,6 +4,7 @@ from planish.render.draw import Rendered, draw, preview, render_page
 from planish.render.missing import MissingRegions, mask_of, missing_regions
 from planish.render.photo_view import PhotoView, moved_view, photo_views
 from planish.render.resolution import Resolution
+from planish.render.sharpen import sharpened
 
 __all__ = [
     "MissingRegions",
@@ -17,4 +18,5 @@ __all__ = [
     "photo_views",
     "preview",
     "render_page",
+    "sharpened",
 ]

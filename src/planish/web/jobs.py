@@ -49,7 +49,7 @@ class JobState(BaseModel):
     state: State
     ahead: int = Field(description="Number of jobs queued before this one")
     stage: str = Field(
-        description="photos, read, clean, flatten, turn, render, unshade, binarize, measure, write, look"
+        description="photos, read, clean, flatten, turn, render, unshade, sharpen, binarize, measure, write, look"
     )
     share: float = Field(description="Fraction of the stage that is done, 0 to 1")
     sentence: str = Field(description="Reason of the failure")
