@@ -149,6 +149,14 @@ SECTIONS = {
         "BUCKLED STEEP SIZE_SETTLED FAR_OFF FARTHEST MIN_REGULAR SURE TEXT_LINES MIN_TURN_DEG MIN_AGREEMENT MAX_ASIDE "
         "MIN_CONTRAST --rooms surface geometry document",
     ),
+    "verdicts": (
+        "Verdicts",
+        "What every page is called (see [the verdict](errors.md#the-verdict)), beside what is true: sheets of the "
+        "gallery, alone and on tables, some with faults; and captures that nobody here made, where `../shared` is "
+        "beside the checkout. Wrong is a page called good that is off by more than 2 %, one called not good that is "
+        "within 0.5 %, and any other word than those that a person who saw the page would use. What the verdict cannot "
+        "know: whether the scan itself has the whole sheet.",
+    ),
     "random_sheets": (
         "Ten thousand random sheets",
         "White noise on some, and on every second sheet shared noise, ripple, steps and spikes mixed; holes, cuts, odd "

@@ -3,12 +3,13 @@
 import json
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from docstring_parser import parse
 from pydantic import TypeAdapter
 
 from planish import settings, types
+from planish.types.verdict import Word
 
 DRAFT = "https://json-schema.org/draft/2020-12/schema"
 PLACE = "https://planish.readthedocs.io/report.schema.json"
@@ -19,7 +20,8 @@ def text() -> str:
     made = TypeAdapter(types.Report).json_schema(mode="serialization")
     definitions = made.pop("$defs")
     del definitions["Diagnostic"]  # `Report.to_dict` writes sentences and codes
-    for name in ("warnings", "warning_codes"):
+    made["properties"]["verdict"] = {"enum": list(get_args(Word))}
+    for name in ("reasons", "reason_codes", "warnings", "warning_codes"):
         made["properties"][name] = {"type": "array", "items": {"type": "string"}}
     for name, definition in [("Report", made), *definitions.items()]:
         definition["required"] = list(definition["properties"])  # a written report has every key

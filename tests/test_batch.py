@@ -51,7 +51,7 @@ def restored(real, monkeypatch):
         report = replace(
             done.report,
             settled=not text.startswith("arched"),
-            warnings=[Diagnostic("odd", "odd")] * text.startswith("odd"),
+            warnings=[Diagnostic("page-huge", "odd")] * text.startswith("odd"),
         )
         shutil.copy(out / "page.tif", job.outputs.page)
         write_json(job.outputs.report, report)
@@ -81,7 +81,7 @@ def restore_all(folder, **how):
 def test_every_item_has_its_own_folder_and_rows_are_sorted_worst_first(folder, restored):
     calls = []
     counts = restore_all(folder, progress=lambda row, count, now: calls.append((row.name, count, now)))
-    assert (counts.items, counts.failed, counts.not_settled, counts.warned, counts.done_now) == (5, 1, 1, 1, 5)
+    assert (counts.items, counts.failed, counts.not_good, counts.to_look_at, counts.done_now) == (5, 1, 1, 1, 5)
     assert calls == [(name, k, k) for k, name in enumerate("abcde", 1)]
     good = {"item.json", "page.tif", "preview.jpg", "report.json"}
     for name in "abcde":
@@ -309,7 +309,7 @@ def test_the_summary_escapes_html_and_formulas(tmp_path):
         Row(name="<b>&", status="failed", sentence="it has <script>alert(1)</script> in it"),
         Row(
             name="a b/c#1",
-            status="warnings",
+            status="look at it",
             warnings=['say "so"', "and so"],
             files=["page.tif"],
             strain_rms=float("inf"),
@@ -340,7 +340,7 @@ def test_a_long_summary_is_limited_to_the_worst(tmp_path, monkeypatch):
 
 def test_worst_first_by_status_then_by_error():
     rows = [Row(name=n, status=s, expected_error_mm=e) for n, s, e in [("a", "good", 3.0), ("b", "good", 4.0)]]
-    rows += [Row(name="c", status="not settled", expected_error_mm=1.0), Row(name="d", status="failed")]
+    rows += [Row(name="c", status="not good", expected_error_mm=1.0), Row(name="d", status="failed")]
     assert [row.name for row in worst_first(rows)] == ["d", "c", "b", "a"]
 
 
@@ -362,13 +362,18 @@ def test_the_exit_code_is_that_of_the_worst_item(folder, restored, capsys):
     assert command(folder) == 3
     said = capsys.readouterr()
     assert said.out == ""
-    assert said.err == f"planish: 1 of 5 scans failed; {folder}/out/summary.html lists the reasons, worst first\n"
+    assert said.err.splitlines() == [
+        f"planish: of 5 pages 1 not good, 1 to look at; {folder}/out/summary.html says why",
+        f"planish: 1 of 5 scans failed; {folder}/out/summary.html lists the reasons, worst first",
+    ]
     shutil.rmtree(folder / "in" / "b")
     assert command(folder) == 5
     shutil.rmtree(folder / "in" / "e")
+    capsys.readouterr()
     assert command(folder, "--quiet") == 0
     said = capsys.readouterr()
-    assert (said.out, said.err) == ("", "")
+    assert said.out == ""
+    assert said.err == f"planish: of 3 pages 1 to look at; {folder}/out/summary.html says why\n"
 
 
 def test_console_output(folder, restored, capsys):
@@ -377,7 +382,7 @@ def test_console_output(folder, restored, capsys):
     assert lines[0].startswith("a\tgood\t")
     assert lines[1].startswith("b\tfailed\t")
     assert lines[-2:] == [
-        "5 scans: 2 good, 1 with warnings, 1 not settled, 1 failed; 5 done now",
+        "5 scans: 2 good, 1 to look at, 1 not good, 1 failed; 5 done now",
         f"written  {folder}/out/summary.html",
     ]
 

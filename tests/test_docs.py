@@ -9,7 +9,7 @@ import pytest
 
 import planish
 from planish import errors
-from planish.cli.main import DID_NOT_SETTLE, INTERRUPTED, TERMINATED
+from planish.cli.main import INTERRUPTED, NOT_GOOD, TERMINATED
 
 ROOT = Path(__file__).parent.parent
 PAGES = [*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")]
@@ -41,7 +41,7 @@ def test_exit_codes_in_the_docs_are_the_real_ones():
     real = {cls.__name__: cls.exit_code for cls in errors.PlanishError.__subclasses__()}
     documented = {name: int(code) for code, name in re.findall(r"^\| (\d+) \|.*`(\w+Error)` \|$", text, re.M)}
     assert documented == real
-    assert f"| {DID_NOT_SETTLE} |" in text
+    assert f"| {NOT_GOOD} |" in text
     assert f"| {INTERRUPTED} |" in text
     assert f"| {TERMINATED} |" in text
 

@@ -7,7 +7,8 @@ import planish
 from planish.flattening.untangle import untangle
 from planish.geometry.distances import distances
 from planish.mesh import edges_with_area, relative_heights, topology
-from planish.report import flipped_faces, stretch
+from planish.report import flipped_faces
+from planish.sticks import stretch
 from planish.sticks.build import bending_weights
 from shapes import arch, grid, rigid_rms
 

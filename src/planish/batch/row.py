@@ -9,8 +9,8 @@ from typing import Any, Literal
 from planish.hints import as_flag
 from planish.types import Report
 
-Status = Literal["failed", "not settled", "warnings", "good"]
-STATUSES: tuple[Status, ...] = ("failed", "not settled", "warnings", "good")
+Status = Literal["failed", "not good", "look at it", "good"]
+STATUSES: tuple[Status, ...] = ("failed", "not good", "look at it", "good")
 """From worst to best."""
 VARYING_FIELDS = ("seconds", "cpu_seconds", "peak_mb")
 """Fields that differ from run to run."""
@@ -23,12 +23,16 @@ class Row:
     Attributes
     ----------
     name : str
-    status : {"failed", "not settled", "warnings", "good"}
+    status : {"failed", "not good", "look at it", "good"}
+        The verdict of the page, or that there is none.
     sentence : str
         Reason of the failure, or outcome.
+    reasons : list of str
+        Of the verdict.
     again : bool
         Whether the next run retries it even without --retry, because its process was killed from outside.
     warnings : list of str
+        All of them, those that are reasons too.
     expected_error_mm, strain_rms, width_mm, height_mm, effective_ppi, known_fraction, noise_mm : float or None
         From the report; None for failed items.
     points, flipped_faces, overlaps : int or None
@@ -42,6 +46,7 @@ class Row:
     status: Status
     sentence: str = ""
     again: bool = False
+    reasons: list[str] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
     expected_error_mm: float | None = None
     strain_rms: float | None = None
@@ -70,11 +75,12 @@ def row_from_report(
     name: str, report: Report, files: list[str], *, seconds: float, cpu_seconds: float, peak_mb: float
 ) -> Row:
     """Row of an item that was restored."""
-    flat, page = report.flatten, report.page
+    flat, page, verdict = report.flatten, report.page, report.verdict
     return Row(
         name=name,
-        status="not settled" if not report.settled else "warnings" if report.warnings else "good",
+        status=verdict.word,
         sentence=report.outcome,
+        reasons=[reason.message(as_flag) for reason in verdict.reasons],
         warnings=[warning.message(as_flag) for warning in report.warnings],
         expected_error_mm=flat.expected_error_mm,
         strain_rms=flat.strain_rms,
@@ -94,11 +100,12 @@ def row_from_report(
 
 
 def row_from_json(plain: dict[str, Any]) -> Row | None:
-    """Row from its JSON object; None if the fields do not match."""
+    """Row from its JSON object; None if the fields do not match, or the status is one of an older version."""
     try:
-        return Row(**plain)
+        row = Row(**plain)
     except TypeError:
         return None
+    return row if row.status in STATUSES else None
 
 
 def worst_first(rows: list[Row]) -> list[Row]:
@@ -106,7 +113,7 @@ def worst_first(rows: list[Row]) -> list[Row]:
 
     Examples
     --------
-    >>> rows = [Row(name="a", status="good"), Row(name="b", status="failed"), Row(name="c", status="not settled")]
+    >>> rows = [Row(name="a", status="good"), Row(name="b", status="failed"), Row(name="c", status="not good")]
     >>> [row.name for row in worst_first(rows)]
     ['b', 'c', 'a']
     """

@@ -31,7 +31,7 @@ class Counts:
 
     Attributes
     ----------
-    items, failed, not_settled, warned, done_now : int
+    items, failed, not_good, to_look_at, done_now : int
         Number of items in total, by status, and number of items restored in this run.
     summary : Path
         Path of summary.html.
@@ -39,8 +39,8 @@ class Counts:
 
     items: int
     failed: int
-    not_settled: int
-    warned: int
+    not_good: int
+    to_look_at: int
     done_now: int
     summary: Path
 
@@ -113,7 +113,7 @@ def batch(
         rows = [state.rows[item.name] for item in scans.items]
         summary = write_summary(folder, rows, scans.notes, scans.folder)
     count = [row.status for row in rows].count
-    return Counts(len(rows), count("failed"), count("not settled"), count("warnings"), state.restored, summary)
+    return Counts(len(rows), count("failed"), count("not good"), count("look at it"), state.restored, summary)
 
 
 class _BatchRun:

@@ -22,8 +22,8 @@ from planish.io.files import write_bytes
 MAX_ROWS = 3000
 """Rows of summary.html, the worst ones: more make a browser slow. CSV and JSON Lines have all rows."""
 _PICTURE_PX = 120
-_CSS_CLASSES = {"failed": "failed", "not settled": "unsettled", "warnings": "warnings", "good": "good"}
-_STATUS_LABELS = {"failed": "failed", "not settled": "not settled", "warnings": "with warnings", "good": "good"}
+_CSS_CLASSES = {"failed": "failed", "not good": "not-good", "look at it": "look", "good": "good"}
+_STATUS_LABELS = {"failed": "failed", "not good": "not good", "look at it": "to look at", "good": "good"}
 _NUMBER_COLUMNS = (
     ("Expected error, mm", "expected_error_mm", "{:.3f}", 1.0),
     ("Width, mm", "width_mm", "{:.0f}", 1.0),
@@ -121,12 +121,12 @@ def _row(folder: Path, row: Row, scans_folder: str) -> str:
 
 
 def _details_cell(row: Row, scans_folder: str) -> str:
-    """Error or warnings of an item, without the folder of the scans, and links to its files."""
-    messages = escape(row.sentence.replace(scans_folder, "")) if row.status in ("failed", "not settled") else ""
-    if row.warnings:
-        messages += "".join(f"<li>{escape(warning.replace(scans_folder, ''))}</li>" for warning in row.warnings).join(
-            ["<ul>", "</ul>"]
-        )
+    """Error, or reasons and notes of an item, without the folder of the scans, and links to its files."""
+    messages = escape(row.sentence.replace(scans_folder, "")) if row.status == "failed" else ""
+    notes = [warning for warning in row.warnings if warning not in row.reasons]
+    for kind, sentences in (("reasons", row.reasons), ("", notes)):
+        items = "".join(f"<li>{escape(sentence.replace(scans_folder, ''))}</li>" for sentence in sentences)
+        messages += f'<ul class="{kind}">{items}</ul>' if items else ""
     links = " ".join(_link(row, name, escape(name)) for name in row.files if name != "preview.jpg")
     return messages + (f"<p>{links}</p>" if links else "")
 

@@ -10,8 +10,8 @@ app = App(
     version=__version__,
     version_flags=["--version"],
     help_epilogue=(
-        "Exit codes: 0 success; 2 invalid command line; 3 unusable input; 4 output cannot be written; 5 the sheet did "
-        "not settle (the result is still written); 6 an optional dependency is not installed; 130 interrupted; 143 "
-        "terminated."
+        "Exit codes: 0 success; 2 invalid command line; 3 unusable input; 4 output cannot be written; 5 the page is "
+        "not good (it is still written, and stderr says why); 6 an optional dependency is not installed; 130 "
+        "interrupted; 143 terminated."
     ),
 )

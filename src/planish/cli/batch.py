@@ -86,4 +86,4 @@ def batch(
         raise InputError(
             f"{counts.failed} of {counts.items} scans failed; {counts.summary} lists the reasons, worst first"
         )
-    return not counts.not_settled
+    return not counts.not_good

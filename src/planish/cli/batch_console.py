@@ -60,16 +60,20 @@ def _rate(done: int, seconds: float, left: int) -> str:
 
 
 def print_counts(counts: Counts, notes: list[str], *, quiet: bool, verbose: bool) -> None:
-    """Print the number of items by status if stdout is a terminal; notes go to stderr."""
+    """Print the number of items by status if stdout is a terminal; notes, and pages that are not good, go to stderr."""
+    errors = Console(stderr=True, highlight=False, soft_wrap=True, markup=False)
+    doubtful = {"not good": counts.not_good, "to look at": counts.to_look_at}
+    if any(doubtful.values()):
+        numbers = ", ".join(f"{count:,} {which}" for which, count in doubtful.items() if count)
+        errors.print(f"planish: of {counts.items:,} pages {numbers}; {counts.summary} says why")
     if quiet:
         return
-    errors = Console(stderr=True, highlight=False, soft_wrap=True, markup=False)
     for note in notes:
         errors.print(f"planish: note: {note}")
     if verbose or sys.stdout.isatty():
-        good = counts.items - counts.failed - counts.not_settled - counts.warned
+        good = counts.items - counts.failed - counts.not_good - counts.to_look_at
         print(
-            f"{counts.items:,} scans: {good:,} good, {counts.warned:,} with warnings, {counts.not_settled:,} not "
-            f"settled, {counts.failed:,} failed; {counts.done_now:,} done now"
+            f"{counts.items:,} scans: {good:,} good, {counts.to_look_at:,} to look at, {counts.not_good:,} not good, "
+            f"{counts.failed:,} failed; {counts.done_now:,} done now"
         )
         print(f"written  {counts.summary}")

@@ -101,20 +101,24 @@ class EarlyNotes:
 def print_report(
     report: Report, written: list[str], *, quiet: bool, verbose: bool, printed: Sequence[Diagnostic] = ()
 ) -> None:
-    """Print warnings that were not printed yet to stderr, and the report table if stdout is a terminal."""
+    """Print verdict and reasons to stderr, then the notes, and the report table if stdout is a terminal.
+
+    The reasons of anything but "good" are printed even if `quiet`.
+    """
     from rich.table import Table
 
-    from planish.report import summary
+    from planish.report import summary, usual
 
-    _print_notes([warning for warning in report.warnings if warning not in printed], quiet=quiet)
-    if not report.settled:
-        errors = Console(stderr=True, highlight=False, soft_wrap=True, markup=False)
-        errors.print(f"planish: {report.outcome} The result was written nevertheless.")
+    verdict = report.verdict
+    errors = Console(stderr=True, highlight=False, soft_wrap=True, markup=False)
+    for reason in verdict.reasons:
+        errors.print(f"planish: {verdict.word}: {reason.message(as_flag)}")
+    _print_notes([note for note in report.notes if note not in printed], quiet=quiet)
     if quiet or not (verbose or sys.stdout.isatty()):
         return
     table = Table(show_header=False, box=None, pad_edge=False)
     for what, how_much in [*summary(report), *(("written", name) for name in written)]:
-        table.add_row(what, how_much)
+        table.add_row(what, how_much, usual(what), style=None)
     Console(highlight=False, markup=False).print(table)
 
 

@@ -76,7 +76,7 @@ def _photos(folder: Path, *, quiet: bool) -> bool:
         shoot = write_photo_shoot(folder, known_sheet(SHEETS["folded"]))
         progress("write", 0.0)
         write_page(folder / "truth.png", shoot.page)
-    settled = photo(
+    usable = photo(
         [folder / "photos"],
         output=folder / "page.tif",
         shape=PhotoSettings(marker_mm=shoot.cards[0].side_mm),
@@ -88,4 +88,4 @@ def _photos(folder: Path, *, quiet: bool) -> bool:
     )
     if not quiet:
         print(f"the true page: {folder / 'truth.png'}, {shoot.sheet.width_mm:.1f} x {shoot.sheet.height_mm:.1f} mm")
-    return settled
+    return usable

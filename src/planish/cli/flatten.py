@@ -100,4 +100,4 @@ def flatten(
         if report is not None:
             write_json(report, final_report)
     print_report(final_report, [str(path) for path in outputs], quiet=quiet, verbose=verbose, printed=notes.printed)
-    return final_report.settled
+    return final_report.verdict.usable

@@ -30,7 +30,8 @@ from planish.hints import as_flag
 from planish.memory import is_out_of_memory
 from planish.system import LAST_SIGNALS
 
-DID_NOT_SETTLE = 5
+NOT_GOOD = 5
+"""The page was written, but its verdict is "not good"."""
 INTERRUPTED, TERMINATED = 130, 143
 """128 plus the signal number, as in shells."""
 
@@ -79,9 +80,9 @@ def _leave(number: int, frame: FrameType | None) -> NoReturn:
 def run(arguments: list[str] | None = None) -> int:
     """Run the command line; every error is one line on stderr and an exit code."""
     try:
-        settled = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
+        usable = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
         sys.stdout.flush()
-        return DID_NOT_SETTLE if settled is False else 0
+        return NOT_GOOD if usable is False else 0
     except CycloptsError as problem:
         return _fail(UsageError.exit_code, str(problem))
     except PlanishError as problem:

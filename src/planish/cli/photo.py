@@ -145,7 +145,7 @@ def photo(
             finished.append((completed, written))
     for completed, written in finished:
         print_report(completed, [str(path) for path in written], quiet=quiet, verbose=verbose)
-    return all(completed.settled for completed, _ in finished)
+    return all(completed.verdict.usable for completed, _ in finished)
 
 
 def page_name(path: Path, number: int | None) -> Path:

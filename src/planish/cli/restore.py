@@ -103,4 +103,4 @@ def restore(
     print_report(
         result.report, [str(path) for path in result.written], quiet=quiet, verbose=verbose, printed=notes.printed
     )
-    return result.report.settled
+    return result.report.verdict.usable

@@ -68,7 +68,7 @@ def view(
         job_result = make_html(inputs, out, progress, overwrite=overwrite)
     print_report(job_result.report, [str(path) for path in job_result.written], quiet=quiet, verbose=False)
     _open(out, wanted=open_browser)
-    return job_result.report.settled
+    return job_result.report.verdict.usable
 
 
 def _beside(result: Path, scan: Path) -> Path:

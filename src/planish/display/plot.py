@@ -59,7 +59,7 @@ def plot_restoration(done: Any) -> Figure:
     if done.ppi is not None:
         _draw_map(next(rest), done.ppi, done.flattening.size_mm, "ppi").set_title("photo pixels per inch of page")
     figure: Any = axes[0].figure
-    figure.suptitle(done.report.outcome)
+    figure.suptitle(f"{done.report.verdict.word}: {done.report.outcome}")
     return figure
 
 

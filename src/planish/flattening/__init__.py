@@ -29,7 +29,7 @@ from planish.mesh import (
     topology,
 )
 from planish.settings import FlattenSettings
-from planish.sticks import make_sticks, strain
+from planish.sticks import make_sticks, strain, stretch_over_lengths
 from planish.types import Diagnostic, Doubt, Flattening, Floats, Mesh, Sticks
 
 __all__ = [
@@ -145,6 +145,9 @@ def flatten(
         residuals=solved.residuals,
         heights=solved.heights,
         strain=_edge_strain(solved.xy, sticks, None if lattice else sheet_topo),
+        stretch=None
+        if lattice
+        else stretch_over_lengths(sticks.rest[: sticks.edges], sheet_topo.face_edges, sheet.faces, solved.xy),
         error_mm=error[back],
         local_strain=local_strain[back],
         seconds=seconds,

@@ -8,6 +8,7 @@ from pathlib import Path
 from time import perf_counter
 
 from planish.pipeline.stages import Progress
+from planish.report import graded
 from planish.settings import PhotoSettings
 from planish.types import Diagnostic, Floats, Report, Restoration, Scan
 
@@ -42,7 +43,7 @@ class PhotographedSheet:
         """The report of the whole command."""
         report = self.complete(restoration)
         seconds = {**self.seconds, **report.seconds, "write": write_seconds}
-        return replace(report, seconds=seconds, seconds_total=sum(seconds.values()))
+        return graded(replace(report, seconds=seconds, seconds_total=sum(seconds.values())))
 
 
 def shapes_of_one(file: Path, settings: PhotoSettings, progress: Progress) -> list[PhotographedSheet]:

@@ -25,6 +25,7 @@ from planish.job.job import Job
 from planish.job.page_files import check_pages, page_files, recognize_text, write_page_files
 from planish.job.stage_images import write_certificate, write_stages
 from planish.pipeline import Progress, restore
+from planish.report import graded
 from planish.types import Diagnostic, Report
 from planish.view import view_page
 
@@ -168,12 +169,14 @@ def check_html_name(path: Path) -> None:
 def with_file_info(report: Report, loaded: ReadScan, read_seconds: float, write_seconds: float) -> Report:
     """Add to a report what reading and writing contribute: seconds, unit and warnings."""
     seconds = {"read": read_seconds, **report.seconds, "write": write_seconds}
-    return replace(
-        report,
-        seconds=seconds,
-        seconds_total=sum(seconds.values()),
-        scan=replace(report.scan, unit=loaded.unit, sheet_mask=_name(loaded.sheet_mask)),
-        warnings=[*loaded.warnings, *report.warnings],
+    return graded(
+        replace(
+            report,
+            seconds=seconds,
+            seconds_total=sum(seconds.values()),
+            scan=replace(report.scan, unit=loaded.unit, sheet_mask=_name(loaded.sheet_mask)),
+            warnings=[*loaded.warnings, *report.warnings],
+        )
     )
 
 

@@ -3,21 +3,23 @@
 from planish.report.build import build_report
 from planish.report.certificate import certificate
 from planish.report.contact import contact_sheet
-from planish.report.fadgi import guideline
+from planish.report.fadgi import graded, guideline
 from planish.report.heat import heat_map
-from planish.report.measures import flipped_faces, stretch
+from planish.report.measures import flipped_faces
 from planish.report.pictures import relief, side_by_side
 from planish.types import summary
+from planish.types.summary import usual
 
 __all__ = [
     "build_report",
     "certificate",
     "contact_sheet",
     "flipped_faces",
+    "graded",
     "guideline",
     "heat_map",
     "relief",
     "side_by_side",
-    "stretch",
     "summary",
+    "usual",
 ]

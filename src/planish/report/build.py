@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from planish.geometry.distances import distances
 from planish.mesh import edges_with_area
-from planish.report.fadgi import guideline
-from planish.report.measures import flipped_faces, stretch
+from planish.report.fadgi import graded
+from planish.report.measures import flipped_faces
 from planish.settings import RestoreSettings
-from planish.sticks import strain
+from planish.sticks import strain, stretch
 from planish.types import (
     Diagnostic,
     Flattening,
@@ -67,7 +66,7 @@ def build_report(
         Per stage.
     """
     mesh, edges = prepared.scan.mesh, prepared.topology.edges
-    l2, linf = stretch(mesh.points, mesh.faces, flat.page_xy)
+    l2, linf = flat.stretch or stretch(mesh.points, mesh.faces, flat.page_xy)
     lengths = distances(mesh.points, edges)
     thin = THIN * (flat.noise_mm or 0.0)
     if thin > np.median(lengths) / 2:  # the mesh is as fine as its noise: all faces would be thin
@@ -133,7 +132,7 @@ def build_report(
         spine=spine,
         settings=settings,
     )
-    return replace(report, guideline=guideline(report))
+    return graded(report)
 
 
 def _part_reports(size_mm: tuple[float, float], spine: Spine | None) -> list[PartReport]:

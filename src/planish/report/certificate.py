@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from planish.color import LUMINANCE
 from planish.dpi import MM_PER_INCH
-from planish.report.drawing import FAINT, GREEN, INK, RED, SOFT, Sheet, length, wrapped
+from planish.report.drawing import AMBER, FAINT, GREEN, INK, RED, SOFT, Sheet, length, wrapped
 from planish.report.heat import TOP, coloured, over_page, round_above, round_span
 from planish.types import Criterion, Floats, Restoration
 
@@ -63,8 +63,11 @@ def _head(sheet: Sheet, done: Restoration, name: str) -> None:
     if name:
         sheet.words((MARGIN, 206), _shortened(name, HEADING, INNER), HEADING, SOFT)
     sheet.rule(MARGIN, 234, INNER, INK, 3)
-    sheet.dot(MARGIN + 11, 275, 11, GREEN if report.settled else RED)
-    sheet.words((MARGIN + 38, 284), report.outcome, TEXT)
+    verdict = report.verdict
+    sheet.dot(MARGIN + 11, 275, 11, {"good": GREEN, "look at it": AMBER, "not good": RED}[verdict.word])
+    first = f": {verdict.reasons[0].sentence}" if verdict.reasons else f". {report.outcome}"
+    line = wrapped(f"{verdict.word.capitalize()}{first}", TEXT, INNER - 38)
+    sheet.words((MARGIN + 38, 284), line[0] + (" ..." if len(line) > 1 else ""), TEXT)
 
 
 def _shortened(text: str, size: float, width: float) -> str:
@@ -227,8 +230,8 @@ def _criterion(sheet: Sheet, criterion: Criterion, columns: list[int], y: float)
 
 
 def _notes(sheet: Sheet, done: Restoration, y: float) -> None:
-    """Draw as many warnings as fit, and a line that explains the figures."""
-    warnings = done.report.warnings
+    """Draw as many reasons and notes as fit, and a line that explains the figures."""
+    warnings = [*done.report.verdict.reasons, *done.report.notes]
     sheet.words((MARGIN, y), "Notes" if warnings else "No warnings", HEADING)
     sheet.rule(MARGIN, y + 16, INNER)
     y += 52

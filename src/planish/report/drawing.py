@@ -12,7 +12,7 @@ from planish.color import to_uint8
 from planish.types import Bools, Pixels
 
 INK, SOFT, FAINT = "#1d2327", "#5f6b73", "#c9d0d4"
-GOLD, RED, GREEN = "#c99a2e", "#b3322b", "#2f7d4f"
+GOLD, RED, GREEN, AMBER = "#c99a2e", "#b3322b", "#2f7d4f", "#b07a12"
 
 
 class Sheet:

@@ -2,10 +2,13 @@
 
 from planish.sticks.build import bending_pairs, make_sticks, unfolded_distance
 from planish.sticks.strain import strain
+from planish.sticks.stretch import stretch, stretch_over_lengths
 
 __all__ = [
     "bending_pairs",
     "make_sticks",
     "strain",
+    "stretch",
+    "stretch_over_lengths",
     "unfolded_distance",
 ]

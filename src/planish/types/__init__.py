@@ -24,6 +24,7 @@ from planish.types.report import (
 from planish.types.sheet import Camera, Doubt, Flattening, Mesh, Outcome, Scan, Sticks, View
 from planish.types.summary import summary
 from planish.types.texture import Texture
+from planish.types.verdict import Verdict
 
 __all__ = [
     "Bools",
@@ -54,6 +55,7 @@ __all__ = [
     "Sticks",
     "Texture",
     "Topology",
+    "Verdict",
     "View",
     "check_place",
     "few_of_a_kind",

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
 from planish.settings import RestoreSettings
 from planish.types.diagnostic import Diagnostic
+from planish.types.verdict import Evidence, Verdict, judge
 
 
 @dataclass(frozen=True)
@@ -83,7 +85,8 @@ class FlattenReport:
     strain_raw_rms : float
         Rms relative error of all edges of the scan against their raw 3D lengths, which include the scanner's noise.
     stretch_l2, stretch_linf : float
-        Stretch of Sander et al. (2001) over all faces of the scan; 1 is isometric.
+        Stretch of Sander et al. (2001) over the surface with the rest lengths used, that is without noise (of
+        mass-spring: over the faces of the scan); 1 is isometric.
     flipped_faces : int
         Faces of the scan that lie on the page with their back up.
     overlaps : int
@@ -325,6 +328,10 @@ class Report:
         In the JSON a list of their sentences.
     warning_codes : list of str
         Of the warnings, in the same order.
+    verdict : Verdict
+        How good the page is, derived from all of this; in the JSON its word.
+    reasons, reason_codes : list of str
+        Why it is not good, or should be looked at; in the JSON.
     shading : ShadingReport or None
         Where shade was removed.
     pages : list of PartReport
@@ -364,18 +371,53 @@ class Report:
     def __repr__(self) -> str:
         size = f"{self.page.width_mm:.1f} x {self.page.height_mm:.1f} mm"
         error = f"expected error {self.flatten.expected_error_mm:.3f} mm"
-        return f"Report({size}, {error}, {len(self.warnings)} warnings; {self.outcome})"
+        return f"Report({self.verdict.word}: {size}, {error}, {len(self.warnings)} warnings; {self.outcome})"
 
     @property
     def warning_codes(self) -> list[str]:
         """Codes of the warnings, for programs."""
         return [warning.code for warning in self.warnings]
 
+    @property
+    def verdict(self) -> Verdict:
+        """How good the page is."""
+        flat, page, faces = self.flatten, self.page, max(self.scan.faces, 1)
+        return judge(
+            Evidence(
+                settled=self.settled,
+                outcome=self.outcome,
+                strain_rms=flat.strain_rms,
+                expected_error_mm=flat.expected_error_mm,
+                shorter_side_mm=min(page.width_mm, page.height_mm),
+                flipped=flat.flipped_faces / faces,
+                overlaps=flat.overlaps / faces,
+                known_fraction=page.known_fraction,
+                rim=_rim(page, self.scan.points),
+                warnings=self.warnings,
+            )
+        )
+
+    @property
+    def notes(self) -> list[Diagnostic]:
+        """Warnings that are no reason of the verdict."""
+        return [warning for warning in self.warnings if warning not in self.verdict.reasons]
+
     def to_dict(self) -> dict[str, Any]:
         """What the JSON holds: warnings as sentences, with settings named as in Python, and their codes beside them."""
-        plain: dict[str, Any] = {}
+        verdict = self.verdict
+        plain: dict[str, Any] = {
+            "verdict": verdict.word,
+            "reasons": [str(reason) for reason in verdict.reasons],
+            "reason_codes": [reason.code for reason in verdict.reasons],
+        }
         for name, value in asdict(self).items():
             plain[name] = value
             if name == "warnings":
                 plain |= {"warnings": [str(warning) for warning in self.warnings], "warning_codes": self.warning_codes}
         return plain
+
+
+def _rim(page: PageReport, points: int) -> float:
+    """Part of a page within half a spacing of its border: s (w + h) / (w h), with s = sqrt(w h / points)."""
+    area = page.width_mm * page.height_mm
+    return (page.width_mm + page.height_mm) / math.sqrt(area * points) if area * points > 0 else 0.0

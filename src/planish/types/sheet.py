@@ -333,6 +333,9 @@ class Flattening:
         Greatest height above the plane, per iteration; empty for methods that stay in the plane.
     strain : (float, float)
         Rms and greatest relative error of the edges against the rest lengths used.
+    stretch : (float, float) or None
+        L2 and L-infinity stretch (Sander et al. 2001) over the surface that has these lengths, that is without noise;
+        None where the sticks are not the edges of triangles (mass-spring).
     error_mm : (n,) float64 [mm]
         Expected distance of every point from its true position; see `planish.flattening.expected`.
     local_strain : (n,) float64
@@ -374,6 +377,7 @@ class Flattening:
     normals: NDArray[np.float32] | None = None
     noise_length_mm: float | None = None
     spikes: int = 0
+    stretch: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         freeze(self)

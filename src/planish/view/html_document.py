@@ -29,7 +29,7 @@ from planish.view.page_layers import (
     quality_maps,
     warped_picture,
 )
-from planish.view.report_html import animation_caption, headline, report_section
+from planish.view.report_html import STATES, animation_caption, headline, report_section, verdict
 
 QUANTIZATION_STEPS = 65_534
 """Quantization levels of a coordinate as 16-bit integer: 5 micrometres on a letter-size page."""
@@ -83,8 +83,8 @@ def _fill_template(
         program=program,
         name=escape(name),
         version=escape(report.version),
-        state="good" if report.settled else "bad",
-        outcome=escape(report.outcome),
+        state=STATES[report.verdict.word],
+        verdict=verdict(report),
         headline=headline(report),
         animation_caption=escape(animation_caption(restoration, animation)),
         pictures="\n".join(_img(picture) for picture in pictures),

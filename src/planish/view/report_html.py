@@ -2,14 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from html import escape
 
-from planish.report import summary
-from planish.types import Diagnostic, Outcome, Report, Restoration
+from planish.report import summary, usual
+from planish.types import Outcome, Report, Restoration
 from planish.view.fall_animation import FallAnimation
 
 METHODS = {"multigrid": "multigrid", "verlet": "the paper's particle system", "mass-spring": "the mass-spring system"}
+
+
+STATES = {"good": "good", "look at it": "look", "not good": "bad"}
+"""CSS class of each verdict."""
+
+
+def verdict(report: Report) -> str:
+    """The verdict, its reasons and the notes, as HTML."""
+    found = report.verdict
+    reasons = "".join(f"<li>{escape(_capitalized(str(reason)))}.</li>" for reason in found.reasons)
+    notes = "".join(f"<li>{escape(_capitalized(str(note)))}.</li>" for note in report.notes)
+    parts = [f'<p class="word"><span class="dot" aria-hidden="true"></span>{_capitalized(found.word)}</p>']
+    if reasons:
+        parts.append(f'<ul class="reasons">{reasons}</ul>')
+    else:
+        parts.append(f"<p>{escape(report.outcome)}</p>")
+    if notes:
+        count = f"{len(report.notes)} note{'s' if len(report.notes) > 1 else ''}"
+        parts.append(f'<details open><summary>{count}</summary><ul class="notes">{notes}</ul></details>')
+    return "\n".join(parts)
 
 
 def headline(report: Report) -> str:
@@ -27,17 +46,18 @@ def headline(report: Report) -> str:
     if page.known_fraction is not None:
         figures.append(("Seen", f"{100 * page.known_fraction:.1f}", "% of the page"))
     return "\n".join(
-        f"<div><dt>{escape(what)}</dt><dd>{escape(number)} <small>{escape(unit)}</small></dd></div>"
+        f'<div title="{_usual(what)}"><dt>{escape(what)}</dt>'
+        f"<dd>{escape(number)} <small>{escape(unit)}</small></dd></div>"
         for what, number, unit in figures
     )
 
 
 def report_section(restoration: Restoration) -> str:
-    """Summary sentences, warnings, guideline criteria, all figures, and source files, as HTML."""
+    """Summary sentences, guideline criteria, all figures, and source files, as HTML."""
     report = restoration.report
     paragraph = f"<p>{' '.join(escape(sentence) for sentence in _sentences(report))}</p>"
     return (
-        f"<div>{paragraph}\n{_warnings_list(report.warnings)}\n{_guideline_table(report)}</div>\n"
+        f"<div>{paragraph}\n{_guideline_table(report)}</div>\n"
         f"<div>{_figures_table(report)}\n{_sources_table(report.sources)}</div>"
     )
 
@@ -82,18 +102,23 @@ def _sentences(report: Report) -> list[str]:
     return sentences
 
 
-def _warnings_list(warnings: Iterable[Diagnostic]) -> str:
-    items = "".join(f"<li>{escape(_capitalized(str(warning)))}</li>" for warning in warnings)
-    return f'<h3>Warnings</h3><ul class="notes">{items}</ul>' if items else "<p>There are no warnings.</p>"
+def _usual(what: str) -> str:
+    """What is usual of a figure, for a tooltip."""
+    known = {"Photo": "resolution", "Resolution": "resolution"}.get(what, what[:1].lower() + what[1:])
+    return escape(f"Usual: {usual(known)}", quote=True) if usual(known) else ""
 
 
 def _figures_table(report: Report) -> str:
     rows = "".join(
-        f'<tr><th scope="row">{escape(_capitalized(what))}</th><td>{escape(how_much)}</td></tr>'
+        f'<tr><th scope="row">{escape(_capitalized(what))}</th><td>{escape(how_much)}{_usual_line(what)}</td></tr>'
         for what, how_much in summary(report)
-        if what != "outcome"
+        if what not in ("verdict", "outcome")
     )
     return f'<h3>Figures</h3><table class="figures">{rows}</table>'
+
+
+def _usual_line(what: str) -> str:
+    return f"<br><small>Usual: {escape(usual(what))}</small>" if usual(what) else ""
 
 
 def _capitalized(text: str) -> str:

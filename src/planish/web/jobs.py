@@ -12,6 +12,7 @@ from typing import Literal
 
 from pydantic import BaseModel, Field
 
+from planish.types.verdict import Word
 from planish.web.scheduler import Scheduler
 from planish.web.store import Row, State
 
@@ -39,6 +40,7 @@ class Figure(BaseModel):
 
     what: str
     how_much: str
+    usual: str = Field(default="", description="What is usual of it")
 
 
 class JobState(BaseModel):
@@ -56,9 +58,11 @@ class JobState(BaseModel):
     created: datetime
     finished: datetime | None
     expires: datetime | None = Field(description="When the results are deleted")
-    settled: bool | None = Field(description="False: there is a page, but the sheet did not settle")
+    settled: bool | None = Field(description="Whether the solver came to rest; see verdict")
     outcome: str
-    warnings: list[str]
+    verdict: Word | None = Field(description="How good the page is")
+    reasons: list[str] = Field(description="Of a verdict other than good, the worst first")
+    warnings: list[str] = Field(description="What else was noticed")
     figures: list[Figure]
     files: list[File]
     all_files: str | None = Field(description="Link to all files as one zip")
@@ -97,7 +101,11 @@ def describe_job(row: Row, scheduler: Scheduler) -> JobState:
         settled=row.result.get("settled"),
         outcome=row.result.get("outcome", ""),
         warnings=row.result.get("warnings", []),
-        figures=[Figure(what=what, how_much=how_much) for what, how_much in row.result.get("figures", [])],
+        verdict=row.result.get("verdict"),
+        reasons=row.result.get("reasons", []),
+        figures=[
+            Figure(**dict(zip(Figure.model_fields, figure, strict=False))) for figure in row.result.get("figures", [])
+        ],
         files=files,
         all_files=f"{url}/all.zip" if files else None,
     )

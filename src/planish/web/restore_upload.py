@@ -38,9 +38,10 @@ def restore_upload(
     Returns
     -------
     dict
-        settled, outcome, warnings, figures (pairs of label and value), files (names).
+        settled, outcome, verdict, reasons, warnings (other notes), figures (label, value, what is usual), files
+        (names).
     """
-    from planish.report import summary
+    from planish.report import summary, usual
 
     os.chdir(folder)  # relative paths, so that no message or report reveals folders of the server
     out.mkdir()
@@ -54,8 +55,10 @@ def restore_upload(
     return {
         "settled": report.settled,
         "outcome": report.outcome,
-        "warnings": [warning.message(as_field) for warning in report.warnings],
-        "figures": summary(report),
+        "verdict": report.verdict.word,
+        "reasons": [reason.message(as_field) for reason in report.verdict.reasons],
+        "warnings": [warning.message(as_field) for warning in report.notes],
+        "figures": [(what, how_much, usual(what)) for what, how_much in summary(report)],
         "files": files,
     }
 

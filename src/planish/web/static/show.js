@@ -80,18 +80,30 @@ export function working(job) {
 
 export function done(job) {
   showSection("done", job.title);
-  byId("outcome").textContent = job.outcome;
-  byId("outcome").className = job.settled ? "" : "unsettled";
+  byId("verdict").textContent = job.verdict[0].toUpperCase() + job.verdict.slice(1);
+  byId("verdict").className = `verdict ${job.verdict.replaceAll(" ", "-")}`;
+  byId("reasons").replaceChildren(...(job.reasons.length ? job.reasons : [job.outcome]).map((reason) => element("li", sentence(reason))));
+  byId("warnings").hidden = job.warnings.length === 0;
+  byId("warnings").querySelector("ul").replaceChildren(...job.warnings.map((warning) => element("li", sentence(warning))));
   byId("preview").replaceChildren(...preview(job));
   const order = Object.keys(FILES);
   const place = (file) => order.indexOf(file.name.replace(/-\d\./, "."));
   const shown = job.files.filter((file) => !HIDDEN.has(file.name)).sort((a, b) => place(a) - place(b));
   const all = link(job.all_files, "All files, zip", shown.reduce((sum, file) => sum + file.bytes, 0), "whole");
   byId("files").replaceChildren(all, ...shown.map((file) => link(file.href, words(file.name), file.bytes)));
-  byId("figures").replaceChildren(...job.figures.filter(({ what }) => what !== "outcome").flatMap(({ what, how_much }) => [element("dt", what), element("dd", how_much)]));
-  byId("warnings").hidden = job.warnings.length === 0;
-  byId("warnings").querySelector("ul").replaceChildren(...job.warnings.map((warning) => element("li", warning)));
+  byId("figures").replaceChildren(...job.figures.filter(({ what }) => !["verdict", "outcome"].includes(what)).flatMap(figure));
   byId("expires").textContent = `The results are deleted on ${new Date(job.expires).toLocaleString(undefined, { dateStyle: "medium", timeStyle: "short" })}.`;
+}
+
+function sentence(text) {
+  const capital = text[0].toUpperCase() + text.slice(1);
+  return capital.endsWith(".") ? capital : `${capital}.`;
+}
+
+function figure({ what, how_much, usual }) {
+  const value = element("dd", how_much);
+  if (usual) value.append(element("small", `usual: ${usual}`));
+  return [element("dt", what), value];
 }
 
 function words(name) {
