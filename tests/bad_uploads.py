@@ -69,11 +69,18 @@ def broken(old, new):
     return one_zip(zipped(("scan.obj", OBJ)).replace(old, new, 1))
 
 
+PHOTO = [("scan", ("scan.png", png()))]
+
 BAD = {  # name: (files, fields, status, a part of the sentence)
     "no scan": ([("photo", ("photo.png", png()))], {}, 422, "no scan was sent"),
     "no mesh": ([("scan", ("scan.mtl", MTL))], {}, 422, "no mesh is among the files"),
     "no unit": ([*SCAN], {"units": "parsec"}, 422, "a length such as 7.91um"),
-    "one photo": ([("scan", ("scan.png", png()))], {}, 422, "one photo was sent ('scan.png')"),
+    "one photo, a marker": (PHOTO, {"marker-mm": "40"}, 422, "one photo does not show how large"),
+    "two corners": (PHOTO, {"outline": "9x9 1,1 2,2"}, 422, "outline must have 3 to 60 corners"),
+    "no outline": (PHOTO, {"outline": "the left"}, 422, "outline must be the photo's size"),
+    "corner outside": (PHOTO, {"outline": "9x9 1,1 9,1 9,10"}, 422, "within the photo"),
+    "huge outline": (PHOTO, {"outline": f"9x{10**99} 1,1 9,1 9,9"}, 422, "sides of 1 to 100000"),
+    "one place": (PHOTO, {"distance-mm": "9", "between": "a.png,1,2"}, 422, "between must name"),
     "no HEIC": ([("scan", ("a.heic", b"x")), ("scan", ("b.png", png()))], {}, 415, "not a readable image"),
     "two cameras files, two photos": (
         [*[("scan", (f"{k}.png", png())) for k in range(2)], *[("camera", (f"{k}.json", b"{}")) for k in range(2)]],

@@ -20,3 +20,17 @@ def check_files(output: Path, picture: Path | None, *, overwrite: bool) -> None:
     if picture is not None:
         check_page_name(picture)
         check_writable(picture, overwrite=overwrite)
+
+
+OpenBrowser = Annotated[bool | None, Parameter(name="--open", negative="--no-open")]
+
+
+def open_in_browser(address: str, *, wanted: bool | None) -> None:
+    """Open an address in the browser; if nobody said whether, only where there is a display."""
+    import os
+    import sys
+    import webbrowser
+
+    has_screen = sys.platform in ("darwin", "win32") or bool({"DISPLAY", "WAYLAND_DISPLAY"} & set(os.environ))
+    if has_screen if wanted is None else wanted:
+        webbrowser.open(address)

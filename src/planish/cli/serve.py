@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from planish.cli.options import Quiet
+from planish.cli.options import OpenBrowser, Quiet, open_in_browser
 from planish.settings import ServeSettings
 
 
@@ -18,6 +18,7 @@ def serve(
     public: Annotated[bool, Parameter(negative="")] = False,
     allow_host: Annotated[list[str], Parameter(negative="")] | None = None,
     data: Path | None = None,
+    open_browser: OpenBrowser = None,
     limits: Annotated[ServeSettings, Parameter(name="*")] = ServeSettings(),
     quiet: Quiet = False,
 ) -> None:
@@ -36,6 +37,8 @@ def serve(
         Host name under which browsers may access the service, such as scans.example.org. May be repeated.
     data
         Folder for jobs and results; by default ~/.local/state/planish/serve.
+    open_browser
+        Open the page in the browser. By default only if there is a display.
     quiet
         Print nothing but errors.
     """
@@ -59,11 +62,17 @@ def serve(
     if not 0 <= port <= 65535:
         raise UsageError(f"port must be between 0 and 65535, not {port}")
     state = Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state")
+
+    def ready(address: str) -> None:
+        if not quiet:
+            print(f"planish serves at {address}", flush=True)
+        open_in_browser(address, wanted=open_browser)
+
     run_server(
         data or state / "planish" / "serve",
         limits,
         host=host,
         port=port,
         hosts=frozenset(name.lower() for name in allow_host or ()),
-        ready=(lambda address: None) if quiet else (lambda address: print(f"planish serves at {address}", flush=True)),
+        ready=ready,
     )

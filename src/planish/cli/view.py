@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from planish.cli.options import Quiet
+from planish.cli.options import OpenBrowser, Quiet, open_in_browser
 from planish.settings import Units
 
 Repeatable = Parameter(negative="")
@@ -21,7 +21,7 @@ def view(
     photo: Annotated[list[Path], Repeatable] | None = None,
     camera: Annotated[list[Path], Repeatable] | None = None,
     units: Units = "auto",
-    open_browser: Annotated[bool | None, Parameter(name="--open", negative="--no-open")] = None,
+    open_browser: OpenBrowser = None,
     overwrite: bool = True,
     quiet: Quiet = False,
 ) -> bool:
@@ -58,7 +58,7 @@ def view(
     from planish.job.html_page import make_html
 
     if result.suffix.lower() in (".html", ".htm") and result.is_file():
-        _open(result, wanted=open_browser)
+        open_in_browser(result.resolve().as_uri(), wanted=open_browser)
         return True
     inputs = inputs_from_report(result)
     if photo or camera or units != "auto":
@@ -67,7 +67,7 @@ def view(
     with progress_bar(quiet=quiet) as progress:
         job_result = make_html(inputs, out, progress, overwrite=overwrite)
     print_report(job_result.report, [str(path) for path in job_result.written], quiet=quiet, verbose=False)
-    _open(out, wanted=open_browser)
+    open_in_browser(out.resolve().as_uri(), wanted=open_browser)
     return job_result.report.verdict.usable
 
 
@@ -75,13 +75,3 @@ def _beside(result: Path, scan: Path) -> Path:
     if scan == result:
         return scan.with_name(f"{scan.stem or scan.name}.html")
     return (result if result.is_dir() else result.parent) / "view.html"
-
-
-def _open(path: Path, *, wanted: bool | None) -> None:
-    import os
-    import sys
-    import webbrowser
-
-    has_screen = sys.platform in ("darwin", "win32") or bool({"DISPLAY", "WAYLAND_DISPLAY"} & set(os.environ))
-    if has_screen if wanted is None else wanted:
-        webbrowser.open(path.resolve().as_uri())

@@ -7,10 +7,16 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
 
+import numpy as np
+
+from planish.errors import UsageError
 from planish.pipeline.stages import Progress
 from planish.report import graded
 from planish.settings import PhotoSettings
-from planish.types import Diagnostic, Floats, Report, Restoration, Scan
+from planish.types import Diagnostic, Floats, Pixels, Report, Restoration, Scan
+
+SAME_SHAPE = 0.01
+"""Relative difference of proportions that rounding to pixels may make."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,17 +52,29 @@ class PhotographedSheet:
         return graded(replace(report, seconds=seconds, seconds_total=sum(seconds.values())))
 
 
-def shapes_of_one(file: Path, settings: PhotoSettings, progress: Progress) -> list[PhotographedSheet]:
-    """Estimate the shape of a sheet from one photo; of both facing pages if they are asked for."""
+def shapes_of_one(
+    file: Path, settings: PhotoSettings, progress: Progress, outline: Pixels | None = None
+) -> list[PhotographedSheet]:
+    """Estimate the shape of a sheet from one photo; of both facing pages if they are asked for.
+
+    Parameters
+    ----------
+    file : Path
+    settings : PhotoSettings
+    progress : callable
+    outline : (rows, cols) uint8, optional
+        Of the upright photo's proportions: 0 where it does not show the sheet. There it is taken to be dark ground.
+    """
     from planish.io import focal_length_px, read_photo
     from planish.photo import PhotoShape, find_shapes
 
     start = perf_counter()
     progress("read", 0.0)
     image = read_photo(file, upright=True)
+    pixels = image.pixels if outline is None else _on_dark_ground(image.pixels, outline)
     read_at = perf_counter()
     progress("shape", 0.0)
-    sheets = find_shapes(image.pixels, settings, focal_px=focal_length_px(file), icc=image.icc)
+    sheets = find_shapes(pixels, settings, focal_px=focal_length_px(file), icc=image.icc)
     seconds = {"read": read_at - start, "shape": perf_counter() - read_at}
 
     def photographed(sheet: PhotoShape) -> PhotographedSheet:
@@ -68,6 +86,26 @@ def shapes_of_one(file: Path, settings: PhotoSettings, progress: Progress) -> li
         return PhotographedSheet(sheet.scan, sheet.report.scale != "unknown", seconds, complete, number=number)
 
     return [photographed(sheet) for sheet in sheets]
+
+
+def _on_dark_ground(photo: Pixels, outline: Pixels) -> Pixels:
+    """The photo with everything outside the outline black.
+
+    Raises
+    ------
+    UsageError
+        If the outline was drawn on an image of other proportions.
+    """
+    import cv2
+
+    rows, cols = photo.shape[:2]
+    if abs(outline.shape[0] * cols / (outline.shape[1] * rows) - 1) > SAME_SHAPE:
+        raise UsageError(
+            f"the outline was drawn on an image of {outline.shape[1]} x {outline.shape[0]} pixels, and the photo has "
+            f"{cols} x {rows}: they are of different proportions"
+        )
+    inside = cv2.resize(outline, (cols, rows), interpolation=cv2.INTER_NEAREST) > 0
+    return np.where(inside[(...,) + (None,) * (photo.ndim - 2)], photo, np.zeros((), photo.dtype))
 
 
 def shape_of_several(

@@ -135,7 +135,7 @@ def job_file(id: str, name: str, service: ServiceDep) -> FileResponse:
     return FileResponse(
         folder / name,
         media_type=MEDIA_TYPES[suffix],
-        filename=name,
+        filename=f"{service.download_name(id)}-{name}",
         content_disposition_type="inline" if suffix in _INLINE_SUFFIXES else "attachment",
         headers=VIEW_HEADERS if suffix == ".html" else None,
     )
@@ -150,7 +150,7 @@ def job_archive(id: str, service: ServiceDep) -> StreamingResponse:
     """Download all result files as one zip."""
     folder, names = service.results(id)
     try:
-        return ZipResponse([folder / name for name in names], "planish.zip")
+        return ZipResponse([folder / name for name in names], f"{service.download_name(id)}.zip")
     except FileNotFoundError as problem:
         raise _gone(id, Path(problem.filename).name) from None
 

@@ -10,11 +10,12 @@ from typing import Any, get_type_hints
 from docstring_parser import parse
 
 from planish.errors import UsageError
-from planish.hints import as_field
 from planish.job.settings_codec import SettingsError, decode_settings, json_schema
 from planish.settings import Paper, PhotoSettings, RestoreSettings, mm_per_unit
+from planish.web.outline import read_outline
 from planish.web.problems import HTTPProblem
 from planish.web.upload_request import Format
+from planish.web.wording import in_browser
 
 _UNPREFIXED = ("settings", "flatten", "render", "shading", "binarize")
 """Nested settings whose fields have no prefix in their names."""
@@ -33,6 +34,13 @@ class FormSettings:
         For photos without a scan: size of the sheet.
     width_mm : float, optional
         For photos without a scan: width of the sheet.
+    distance_mm : float, optional
+        For several photos without a scan: distance of two places of the sheet along the paper; `between` names them.
+    between : str
+        NAME,x,y,x,y: one of the photos, and column and row of both places in it [px], as a browser shows it.
+    outline : str
+        The sheet's outline on its photo, for a scan with one photo or one photo without a scan: the photo's size as a
+        browser shows it, and corners in it [px], such as 400x300 12,30 390,40 200,290.
     units : {"auto", "mm", "cm", "m", "in"} or a length
         Unit of the scan's coordinates. auto decides from the file and the size of the scan; a length such as 7.91um is
         that of a step of 1, for voxels.
@@ -46,19 +54,39 @@ class FormSettings:
     marker_mm: float | None = None
     paper: Paper = "unknown"
     width_mm: float | None = None
+    distance_mm: float | None = None
+    between: str = ""
+    outline: str = ""
     units: str = "auto"
     view: bool = True
     formats: tuple[Format, ...] = ("tif", "png", "pdf")
 
     def __post_init__(self) -> None:
-        _ = self.size
+        _ = self.size, read_outline(self.outline)
         if self.units != "auto":
             mm_per_unit(self.units)
 
     @property
     def size(self) -> PhotoSettings:
         """What tells the size of a photographed sheet; refuses two answers."""
-        return PhotoSettings(marker_mm=self.marker_mm, paper=self.paper, width_mm=self.width_mm)
+        return PhotoSettings(
+            marker_mm=self.marker_mm,
+            paper=self.paper,
+            width_mm=self.width_mm,
+            distance_mm=self.distance_mm,
+            between=_marked_places(self.between),
+        )
+
+
+def _marked_places(text: str) -> tuple[str, float, float, float, float] | None:
+    if not text:
+        return None
+    name, *places = text.rsplit(",", 4)
+    try:
+        x0, y0, x1, y1 = map(float, places)
+    except ValueError:
+        raise UsageError("between must name a photo and two places in it, such as a.jpg,10,20,300,400") from None
+    return name, x0, y0, x1, y1
 
 
 @dataclass(frozen=True)
@@ -125,7 +153,7 @@ def read_fields(values: Mapping[str, str]) -> FormSettings:
         name = next(field.name for field in known_fields().values() if field.path == problem.path)
         raise HTTPProblem(422, f"{name} {problem.reason}") from None
     except UsageError as problem:
-        raise HTTPProblem(422, problem.message(as_field)) from None
+        raise HTTPProblem(422, in_browser(problem)) from None
 
 
 def schema_of(field: Field) -> dict[str, Any]:

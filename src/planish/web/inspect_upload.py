@@ -97,11 +97,11 @@ def inspect_upload(form: Form, folder: Path, limits: ServeSettings) -> Upload:
 def _photos(images: list[Path], camera: list[Path], form: Form, title: str) -> Upload:
     """Photos of one sheet, without a scan."""
     images, camera = [*images, *form.files["photo"]], [*camera, *form.files["camera"]]
-    if len(images) < 2:
+    if len(images) == 1 and ({"marker-mm", "distance-mm"} & set(form.values) or camera):
         raise HTTPProblem(
             422,
-            f"one photo was sent ({images[0].name!a}); a page is measured from two or more, best eight to twelve taken "
-            "from around",
+            "one photo does not show how large a marker or a distance is on a bent sheet, and needs no camera file; "
+            "choose the sheet's paper or type its width, or send several photos taken from around",
         )
     if len(camera) > 1:
         raise HTTPProblem(422, f"{len(camera)} files of cameras were sent; send one for all photos, or none")

@@ -50,6 +50,7 @@ class JobState(BaseModel):
     title: str = Field(description="File name of the scan")
     state: State
     ahead: int = Field(description="Number of jobs queued before this one")
+    preparing: bool = Field(description="Queued while the service compiles: a minute or two after its first start")
     stage: str = Field(
         description="photos, read, clean, flatten, turn, render, unshade, sharpen, binarize, measure, write, look"
     )
@@ -92,6 +93,7 @@ def describe_job(row: Row, scheduler: Scheduler) -> JobState:
         title=row.title,
         state=row.state,
         ahead=scheduler.store.queued_before(row) if row.state == "queued" else 0,
+        preparing=row.state == "queued" and not scheduler.ready,
         stage=stage,
         share=share,
         sentence=row.sentence,

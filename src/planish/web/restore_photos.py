@@ -11,45 +11,60 @@ from typing import TYPE_CHECKING
 from planish.web.upload_request import UploadRequest
 
 if TYPE_CHECKING:
+    from planish.job.photo_sheet import PhotographedSheet
     from planish.types import Report
 
 
-def restore_photos(out: Path, request: UploadRequest, progress: Callable[[str, float], None]) -> Report:
-    """Measure a sheet from photos in the current folder and write its page, as `planish photo` does.
+def restore_photos(out: Path, request: UploadRequest, progress: Callable[[str, float], None]) -> list[Report]:
+    """Restore the page of the photos in the current folder, as `planish photo` does.
 
     Parameters
     ----------
     out : Path
         Folder for the results.
     request : UploadRequest
-        Pages get a dpi only if its `size` tells one.
+        Of one photo its shape is estimated, several measure it. Pages get a dpi only if its `size` tells one.
     progress : callable
         Called with (stage, fraction done).
 
     Returns
     -------
-    Report
-        With what the photos told, and what to photograph next.
+    list of Report
+        One, or two of facing pages on one photo.
     """
-    from planish.io import way_up, write_bytes, write_json, write_unscaled_page
-    from planish.job import Outputs
-    from planish.job.page_files import write_page_files
-    from planish.job.photo_sheet import shape_of_several
-    from planish.pipeline import restore
-    from planish.view import view_page
+    from planish.job.photo_sheet import shape_of_several, shapes_of_one
 
     def stages(stage: str, share: float) -> None:
         progress({"read": "photos", "shape": "photos"}.get(stage, stage), share)
 
     files, camera = [Path(name) for name in request.photo], [Path(name) for name in request.camera]
-    sheet = shape_of_several(files, request.size, camera[0] if camera else None, stages)
+    if len(files) > 1:
+        sheet = shape_of_several(files, request.size, camera[0] if camera else None, stages)
+        return [_restore(sheet, out, request, progress)]
+    settings = replace(request.size, pages="2" if request.settings.pages == "2" else "auto")
+    outline = None if request.outline is None else request.outline.mask()
+    one_page = replace(request, settings=replace(request.settings, pages="1"))
+    return [_restore(sheet, out, one_page, progress) for sheet in shapes_of_one(files[0], settings, stages, outline)]
+
+
+def _restore(
+    sheet: PhotographedSheet, out: Path, request: UploadRequest, progress: Callable[[str, float], None]
+) -> Report:
+    """Restore one page and write its files; those of facing pages are numbered."""
+    from planish.io import way_up, write_bytes, write_json, write_unscaled_page
+    from planish.job import Outputs
+    from planish.job.page_files import write_page_files
+    from planish.pipeline import restore
+    from planish.view import view_page
+
+    number = "" if sheet.number is None else f"-{sheet.number}"
     restoration = restore(sheet.scan, request.settings, progress, way_up)
     binarized = request.settings.binarize.binarize
     start = perf_counter()
     progress("write", 0.0)
-    pages = [out / f"page.{suffix}" for suffix in request.formats]
+    pages = [out / f"page{number}.{suffix}" for suffix in request.formats]
     outputs = Outputs(
-        page=pages[0], copies=tuple(pages[1:]), binary=None if binarized == "none" else out / "page-bw.png"
+        page=pages[0], copies=tuple(pages[1:]), binary=None if binarized == "none" else out / f"page-bw{number}.png"
     )
     if sheet.scaled:
         write_page_files(outputs, restoration, binarized, [])
@@ -62,6 +77,7 @@ def restore_photos(out: Path, request: UploadRequest, progress: Callable[[str, f
     report = sheet.completed(restoration, perf_counter() - start)
     if request.view:
         progress("look", 0.0)
-        write_bytes(out / "view.html", view_page(replace(restoration, report=report), f"{len(files)} photos"))
-    write_json(out / "report.json", report)
+        name = request.photo[0] if len(request.photo) == 1 else f"{len(request.photo)} photos"
+        write_bytes(out / f"view{number}.html", view_page(replace(restoration, report=report), name))
+    write_json(out / f"report{number}.json", report)
     return report

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
 from planish.errors import PlanishError
-from planish.hints import as_field
 from planish.system import flush_to_disk
+from planish.types.verdict import Word
 from planish.web.restore_photos import restore_photos
 from planish.web.upload_request import UploadRequest
+from planish.web.wording import in_browser
 
 if TYPE_CHECKING:
     from planish.types import Report
@@ -46,26 +47,41 @@ def restore_upload(
     os.chdir(folder)  # relative paths, so that no message or report reveals folders of the server
     out.mkdir()
     try:
-        report = (_restore_scan if request.scan else restore_photos)(out, request, progress)
+        reports = [_restore_scan(out, request, progress)] if request.scan else restore_photos(out, request, progress)
     except PlanishError as problem:
         raise type(problem)(problem.sentence.replace(f"{out}/", ""), problem.hint) from None
     _preview(out)
     files = sorted(path.name for path in out.iterdir())
     _fsync_all(out, files)
+    worst = max(reports, key=lambda report: get_args(Word).index(report.verdict.word))
     return {
-        "settled": report.settled,
-        "outcome": report.outcome,
-        "verdict": report.verdict.word,
-        "reasons": [reason.message(as_field) for reason in report.verdict.reasons],
-        "warnings": [warning.message(as_field) for warning in report.notes],
-        "figures": [(what, how_much, usual(what)) for what, how_much in summary(report)],
+        "settled": all(report.settled for report in reports),
+        "outcome": worst.outcome,
+        "verdict": worst.verdict.word,
+        "reasons": _each(in_browser(reason) for report in reports for reason in report.verdict.reasons),
+        "warnings": _each(in_browser(note) for report in reports for note in report.notes),
+        "figures": [
+            (f"page {k + 1}: {what}" if len(reports) > 1 else what, how_much, usual(what))
+            for k, report in enumerate(reports)
+            for what, how_much in summary(report)
+        ],
         "files": files,
     }
 
 
+def _each(sentences: Iterable[str]) -> list[str]:
+    return list(dict.fromkeys(sentences))
+
+
 def _restore_scan(out: Path, request: UploadRequest, progress: Callable[[str, float], None]) -> Report:
+    from PIL import Image
+
     from planish.job import Job, Outputs, run
 
+    sheet = None
+    if request.outline is not None:
+        sheet = Path("outline-of-the-sheet.png")
+        Image.fromarray(request.outline.mask()).save(sheet)
     pages = [out / f"page.{name}" for name in request.formats]
     outputs = Outputs(
         page=pages[0],
@@ -80,6 +96,7 @@ def _restore_scan(out: Path, request: UploadRequest, progress: Callable[[str, fl
         photo=tuple(map(Path, request.photo)),
         camera=tuple(map(Path, request.camera)),
         units=request.units,
+        sheet=sheet,
         inside=Path(),
         settings=request.settings,
         outputs=outputs,

@@ -11,14 +11,15 @@ from pathlib import Path
 from time import time
 
 from planish.errors import PlanishError
-from planish.hints import as_field
 from planish.job.worker import InternalError, Limits, StoppedError, WorkerDiedError, preload_workers, run_in_subprocess
 from planish.settings import ServeSettings
 from planish.system import usable_cores
 from planish.web.fields import read_fields
+from planish.web.outline import read_outline
 from planish.web.restore_upload import restore_upload
 from planish.web.store import MAX_TRIES, Row, Store
 from planish.web.upload_request import UploadRequest
+from planish.web.wording import in_browser
 
 _log = logging.getLogger("planish.web")
 
@@ -27,6 +28,8 @@ _RETRY_DELAY = 1.0
 """Seconds to wait after an error of the service itself."""
 _SHUTDOWN_TIMEOUT = 15.0
 """Seconds to wait for killed processes at shutdown."""
+OF_ONE_PHOTO = {"shading": "background", "sharpen": "1"}
+"""Fields whose default is another one for a single photo, as it is for `planish photo`."""
 _SERVER_ENDED = "the server ended repeatedly while processing this scan; try a smaller scan"
 
 
@@ -182,7 +185,7 @@ class Scheduler:
                 return False
             self.store.fail(row.id, str(error))
         except Exception as error:
-            self.store.fail(row.id, error.message(as_field) if isinstance(error, PlanishError) else str(error))
+            self.store.fail(row.id, in_browser(error) if isinstance(error, PlanishError) else str(error))
             if isinstance(error, InternalError):
                 _log.error("%s\n%s", error, error.trace)
         shutil.rmtree(job_folder / "in", ignore_errors=True)  # uploads are not kept
@@ -201,7 +204,8 @@ class Scheduler:
 
 def _upload_request(row: Row) -> UploadRequest:
     data = row.request
-    form = read_fields(data["fields"])
+    one_photo = not data["scan"] and len(data["photo"]) == 1
+    form = read_fields({**(OF_ONE_PHOTO if one_photo else {}), **data["fields"]})
     return UploadRequest(
         scan=data["scan"],
         photo=tuple(data["photo"]),
@@ -211,4 +215,5 @@ def _upload_request(row: Row) -> UploadRequest:
         units=form.units,
         view=form.view,
         formats=form.formats,
+        outline=read_outline(form.outline),
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import re
 import shutil
 import sqlite3
 from collections.abc import AsyncIterator
@@ -84,6 +85,10 @@ class Service:
         if row.state != "done":
             raise HTTPProblem(409, f"this job is {row.state}; its results are available when it is done")
         return self.scheduler.results(row), row.result["files"]
+
+    def download_name(self, id: str) -> str:
+        """How the files of a job are called when they are saved: after the scan, without suffix and blanks."""
+        return re.sub(r"\s+", "-", Path(self.get_row(id).title).stem) or "planish"
 
     def job_state(self, id: str) -> JobState:
         """JSON model of a job."""

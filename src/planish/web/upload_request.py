@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from planish.settings import PhotoSettings, RestoreSettings
+from planish.web.outline import Outline
 
 Format = Literal["tif", "png", "jpg", "pdf"]
 
@@ -28,6 +29,8 @@ class UploadRequest:
         Whether to write an HTML page.
     formats : tuple of Format
         Formats of the page.
+    outline : Outline or None
+        Of the sheet on its photo.
     """
 
     scan: str
@@ -38,3 +41,4 @@ class UploadRequest:
     units: str
     view: bool
     formats: tuple[Format, ...]
+    outline: Outline | None = None

@@ -9,6 +9,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from time import localtime
 from typing import BinaryIO
+from urllib.parse import quote
 
 from starlette.responses import StreamingResponse
 from starlette.types import Receive, Scope, Send
@@ -48,7 +49,7 @@ class ZipResponse(StreamingResponse):
         with ExitStack() as opening:
             files = [opening.enter_context(path.open("rb")) for path in paths]
             self._opened = opening.pop_all()
-        headers = {"content-disposition": f'attachment; filename="{name}"'}
+        headers = {"content-disposition": f"attachment; filename*=utf-8''{quote(name)}"}
         super().__init__(stream_zip(files), media_type="application/zip", headers=headers)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:

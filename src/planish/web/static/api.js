@@ -27,8 +27,10 @@ export async function health() {
   return response?.ok ? response.json() : null;
 }
 
+/** A job; null if there is none any more, undefined if the service cannot be reached. */
 export async function job(id) {
-  const response = await fetch(`/api/jobs/${encodeURIComponent(id)}`);
+  const response = await fetch(`/api/jobs/${encodeURIComponent(id)}`).catch(() => undefined);
+  if (!response) return undefined;
   return response.ok ? response.json() : null;
 }
 

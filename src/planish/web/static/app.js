@@ -1,11 +1,15 @@
 // The page: choose and upload files, then follow the job. The URL fragment holds the job id, so that a reload finds it.
 
 import * as api from "./api.js";
-import { byId, done, element, failed, sending, size, showSection, working } from "./show.js";
+import { isImage, recognize } from "./files.js";
+import { forget, kept, remember } from "./kept.js";
+import { mark } from "./mark.js";
+import { badge, byId, done, element, failed, sending, size, showSection, working } from "./show.js";
 
-const KEPT = "planish.jobs";
-const MOST_KEPT = 8;
+const POLL_MS = 3000;
 let chosen = [];
+let seen = { kind: "none", images: [], missing: null, sentence: "" };
+let marks = { outline: null, distance: null };
 let unsubscribe = () => {};
 let upload = null;
 let limits = null;
@@ -17,7 +21,7 @@ function choose(files) {
     chosen = chosen.filter((other) => other.name !== file.name);
     chosen.push(file);
   }
-  showChosen();
+  return changed();
 }
 
 /** Add photos: those taken just now are all called image.jpg on some phones, so they get numbers. */
@@ -29,19 +33,61 @@ function choosePhotos(files) {
     for (let k = 2; chosen.some((other) => other.name === name); k++) name = `${stem}-${k}${suffix ?? ""}`;
     chosen.push(new File([file], name, { type: file.type, lastModified: file.lastModified }));
   }
-  showChosen();
+  return changed();
 }
 
-function showChosen() {
+/** Show the chosen files, what they are, and what is missing among them. */
+async function changed() {
   byId("chosen").replaceChildren(...chosen.map((file) => {
     const item = element("li");
     const drop = element("button", "Remove", { type: "button" });
     drop.append(element("span", ` ${file.name}`, { className: "unseen" }));
-    drop.onclick = () => { chosen = chosen.filter((other) => other !== file); showChosen(); byId("scan").focus(); };
+    drop.onclick = () => { chosen = chosen.filter((other) => other !== file); changed(); byId("scan").focus(); };
     item.append(element("span", file.name, { className: "what" }), element("span", size(file.size), { className: "much" }), drop);
     return item;
   }));
   refuse("");
+  seen = await recognize(chosen);
+  if (!seen.images.some(({ name }) => name === marks.outline?.file)) marks.outline = null;
+  if (!seen.images.some(({ name }) => name === marks.distance?.file)) marks.distance = null;
+  byId("recognized").textContent = seen.sentence;
+  byId("missing").hidden = !seen.missing;
+  byId("missing").querySelector("span").textContent = seen.missing ?? "";
+  byId("size").hidden = !seen.kind.startsWith("photo");
+  for (const part of byId("size").querySelectorAll(".several")) part.hidden = seen.kind !== "photos";
+  byId("marks").hidden = !canDraw();
+  showMarks();
+}
+
+const canDraw = () => seen.images.length === 1 && ["photo", "scan"].includes(seen.kind);
+
+function showMarks() {
+  const { outline, distance } = marks;
+  byId("draw").textContent = outline ? "Change the outline" : "Draw the sheet’s outline";
+  byId("drawn").textContent = outline ? `The sheet has an outline of ${outline.points.length} corners; the rest is left out.` : "Only needed where the sheet is not plain to see.";
+  byId("erase").hidden = !outline;
+  byId("measured").textContent = distance ? `${distance.distance} mm, on ${distance.file}` : "";
+}
+
+async function drawOutline() {
+  const asStored = seen.kind === "scan"; // texture coordinates are of the pixels as stored
+  marks.outline = (await mark("outline", seen.images, { asStored, before: marks.outline })) ?? marks.outline;
+  showMarks();
+}
+
+async function markDistance() {
+  marks.distance = (await mark("distance", seen.images, { before: marks.distance })) ?? marks.distance;
+  if (marks.distance) oneSize(null);
+  showMarks();
+}
+
+/** One answer tells how large the sheet is: the others are taken back. */
+function oneSize(given) {
+  for (const field of byId("size").querySelectorAll("input, select")) {
+    if (field !== given) field.value = field.tagName === "SELECT" ? "unknown" : "";
+  }
+  if (given) marks.distance = null;
+  showMarks();
 }
 
 function refuse(sentence) {
@@ -49,24 +95,40 @@ function refuse(sentence) {
   byId("refused").hidden = !sentence;
 }
 
+function formData() {
+  const form = new FormData(byId("form"));
+  form.delete("scan");
+  if (!seen.kind.startsWith("photo")) for (const name of ["paper", "width-mm", "marker-mm"]) form.delete(name);
+  if (seen.kind === "photo") form.delete("marker-mm");
+  for (const [name, value] of [...form]) if (value === "") form.delete(name);
+  const at = (points) => points.map((point) => point.join(","));
+  const { outline, distance } = marks;
+  if (outline && canDraw()) form.set("outline", `${outline.width}x${outline.height} ${at(outline.points).join(" ")}`);
+  if (distance && seen.kind === "photos") {
+    form.set("distance-mm", distance.distance);
+    form.set("between", [distance.file, ...at(distance.points)].join(","));
+  }
+  for (const file of chosen) form.append("scan", file, file.name);
+  return form;
+}
+
 async function submit(event) {
   event.preventDefault();
   if (!chosen.length) return refuse("Choose photos, or the files of a scan, first.");
-  const form = new FormData(byId("form"));
-  form.delete("scan");
-  for (const [name, value] of [...form]) if (value === "") form.delete(name);
-  for (const file of chosen) form.append("scan", file, file.name);
+  if (seen.missing) {
+    refuse(seen.missing);
+    return byId("add").focus();
+  }
+  const form = formData();
   const bytes = [...form.values()].reduce((sum, value) => sum + (value.size ?? 0), 0);
   if (limits && bytes > limits.upload_mb * 1e6) return refuse(`The files have ${size(bytes)}; the limit is ${limits.upload_mb} MB.`);
   refuse("");
-  const title = chosen[0].name;
+  const title = seen.kind === "photos" ? `${chosen.length} photos` : (chosen.find((file) => !isImage(file)) ?? chosen[0]).name;
   upload = new AbortController();
   sending(title, 0);
   try {
     const job = await api.send(form, (share) => sending(title, share), upload.signal);
-    chosen = [];
-    showChosen();
-    keep([{ id: job.id, title: job.title }, ...kept()].slice(0, MOST_KEPT));
+    remember(job);
     location.hash = `job=${job.id}`;
   } catch (problem) {
     start();
@@ -78,22 +140,48 @@ async function submit(event) {
 
 function show(job, id) {
   if (job === null) {
-    keep(kept().filter((other) => other.id !== id));
-    failed("This page", "It no longer exists: results are deleted after a while.");
-  } else if (job.state === "done") done(job);
-  else if (job.state === "failed") failed(job.title, job.sentence);
+    forget(id);
+    return failed("This page", "It no longer exists: results are deleted after a while.");
+  }
+  remember(job);
+  if (job.state === "done") {
+    done(job);
+    byId("redraw").hidden = !canDraw();
+  } else if (job.state === "failed") failed(job.title, job.sentence);
   else working(job);
 }
 
 function start() {
   showSection("start");
+  showRecent();
+  Promise.all(kept().map(async ({ id }) => {
+    const job = await api.job(id);
+    if (job) remember(job); else if (job === null) forget(id);
+  })).then(showRecent);
+}
+
+function showRecent() {
   const jobs = kept();
   byId("recent").hidden = jobs.length === 0;
-  byId("recent").querySelector("ul").replaceChildren(...jobs.map(({ id, title }) => {
+  byId("recent").querySelector("ul").replaceChildren(...jobs.map((job) => {
     const item = element("li");
-    item.append(element("a", title, { href: `#job=${id}` }));
+    const made = job.created ? new Date(job.created).toLocaleString(undefined, { dateStyle: "short", timeStyle: "short" }) : "";
+    item.append(element("a", job.title, { href: `#job=${job.id}` }), badge(job), element("span", made, { className: "small" }));
     return item;
   }));
+}
+
+/** Back to the start; the chosen files stay, so that another try needs no second choosing. */
+function again() {
+  location.hash = "";
+  if (!named()) start();
+}
+
+function another() {
+  chosen = [];
+  byId("form").reset();
+  changed();
+  again();
 }
 
 async function route() {
@@ -102,16 +190,9 @@ async function route() {
   const id = named();
   if (!id) return start();
   const job = await api.job(id);
+  if (job === undefined) return failed("This page", "The service cannot be reached. Is it still running?");
   if (job === null || job.state === "done" || job.state === "failed") return show(job, id);
   unsubscribe = api.follow(id, (state) => show(state, id));
-}
-
-function kept() {
-  try { return JSON.parse(localStorage.getItem(KEPT)) ?? []; } catch { return []; }
-}
-
-function keep(jobs) {
-  try { localStorage.setItem(KEPT, JSON.stringify(jobs)); } catch { /* storage may be disabled in private windows */ }
 }
 
 async function leave() {
@@ -119,26 +200,42 @@ async function leave() {
   const id = named();
   unsubscribe();
   await api.remove(id);
-  keep(kept().filter((other) => other.id !== id));
+  forget(id);
   location.hash = "";
+}
+
+/** Until the service has compiled, say so. */
+async function watchPreparing() {
+  const state = await api.health();
+  byId("preparing").hidden = !state || state.warm;
+  if (state && !state.warm) setTimeout(watchPreparing, POLL_MS);
+  return state;
 }
 
 const drop = byId("drop");
 for (const kind of ["dragenter", "dragover"]) drop.addEventListener(kind, (event) => { event.preventDefault(); drop.classList.add("over"); });
 for (const kind of ["dragleave", "drop"]) drop.addEventListener(kind, (event) => { event.preventDefault(); drop.classList.remove("over"); });
 drop.addEventListener("drop", (event) => choose(event.dataTransfer.files));
-byId("scan").addEventListener("change", (event) => { choose(event.target.files); event.target.value = ""; });
-byId("photos").addEventListener("change", (event) => { choosePhotos(event.target.files); event.target.value = ""; });
+byId("scan").addEventListener("change", (event) => { choose([...event.target.files]); event.target.value = ""; });
+byId("photos").addEventListener("change", (event) => { choosePhotos([...event.target.files]); event.target.value = ""; });
+byId("add").addEventListener("click", () => byId("scan").click());
+byId("draw").addEventListener("click", drawOutline);
+byId("erase").addEventListener("click", () => { marks.outline = null; showMarks(); byId("draw").focus(); });
+byId("measure").addEventListener("click", markDistance);
+byId("size").addEventListener("change", (event) => oneSize(event.target));
 byId("form").addEventListener("submit", submit);
 byId("cancel").addEventListener("click", leave);
 byId("remove").addEventListener("click", leave);
-for (const button of document.querySelectorAll(".again")) button.addEventListener("click", () => { location.hash = ""; if (!named()) start(); });
+byId("redraw").addEventListener("click", () => { again(); drawOutline(); });
+for (const button of document.querySelectorAll(".again")) button.addEventListener("click", again);
+for (const button of document.querySelectorAll(".another")) button.addEventListener("click", another);
 addEventListener("hashchange", route);
 
-const state = await api.health();
+const state = await watchPreparing();
 if (state) {
   limits = state.limits;
   byId("version").textContent = `planish ${state.version}`;
   byId("limits").textContent = `At most ${limits.upload_mb} MB per page; results are kept for ${limits.keep_hours} hours.`;
 }
+await changed();
 await route();

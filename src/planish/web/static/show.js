@@ -1,7 +1,7 @@
 // Rendering of a job: running, done, failed.
 
 const STAGES = [
-  ["photos", "Measuring the sheet from its photos"],
+  ["photos", "Finding the sheet’s shape on its photos"],
   ["read", "Reading"],
   ["clean", "Repairing the mesh"],
   ["flatten", "Flattening"],
@@ -38,6 +38,12 @@ export function element(tag, text = "", attributes = {}) {
   return created;
 }
 
+/** What has become of a job, for the list of pages. */
+export function badge({ state, verdict }) {
+  const word = state === "done" ? verdict : state === "failed" ? "failed" : "running";
+  return element("span", word, { className: `badge ${(word ?? "").replaceAll(" ", "-")}` });
+}
+
 /** Show one of the four sections, and move the focus to its heading. */
 export function showSection(id, title) {
   for (const section of document.querySelectorAll("main > section")) section.hidden = section.id !== id;
@@ -68,7 +74,7 @@ export function working(job) {
   const now = stages.findIndex(([name]) => name === stage);
   if (job.state === "queued") {
     byId("bar").removeAttribute("value");
-    setStatus(job.ahead ? `Queued: ${job.ahead} before this one` : "Queued: next to start");
+    setStatus(job.preparing ? "Preparing: the first start takes a minute or two" : job.ahead ? `Queued: ${job.ahead} before this one` : "Queued: next to start");
   } else {
     byId("bar").value = (Math.max(now, 0) + job.share * (now >= 0)) / stages.length;
     setStatus(now >= 0 ? stages[now][1] : "Starting");
@@ -82,7 +88,7 @@ export function done(job) {
   showSection("done", job.title);
   byId("verdict").textContent = job.verdict[0].toUpperCase() + job.verdict.slice(1);
   byId("verdict").className = `verdict ${job.verdict.replaceAll(" ", "-")}`;
-  byId("reasons").replaceChildren(...(job.reasons.length ? job.reasons : [job.outcome]).map((reason) => element("li", sentence(reason))));
+  byId("reasons").replaceChildren(...(job.reasons.length ? job.reasons : ["Nothing that is known speaks against using this page"]).map((reason) => element("li", sentence(reason))));
   byId("warnings").hidden = job.warnings.length === 0;
   byId("warnings").querySelector("ul").replaceChildren(...job.warnings.map((warning) => element("li", sentence(warning))));
   byId("preview").replaceChildren(...preview(job));
@@ -91,7 +97,7 @@ export function done(job) {
   const shown = job.files.filter((file) => !HIDDEN.has(file.name)).sort((a, b) => place(a) - place(b));
   const all = link(job.all_files, "All files, zip", shown.reduce((sum, file) => sum + file.bytes, 0), "whole");
   byId("files").replaceChildren(all, ...shown.map((file) => link(file.href, words(file.name), file.bytes)));
-  byId("figures").replaceChildren(...job.figures.filter(({ what }) => !["verdict", "outcome"].includes(what)).flatMap(figure));
+  byId("figures").replaceChildren(...job.figures.filter(({ what }) => !/(verdict|outcome)$/.test(what)).flatMap(figure));
   byId("expires").textContent = `The results are deleted on ${new Date(job.expires).toLocaleString(undefined, { dateStyle: "medium", timeStyle: "short" })}.`;
 }
 
@@ -107,8 +113,8 @@ function figure({ what, how_much, usual }) {
 }
 
 function words(name) {
-  const of = /^page(-bw)?-(\d)(\..+)$/.exec(name); // one of two pages of a book
-  return of ? `${FILES[`page${of[1] ?? ""}${of[3]}`]}, ${of[2]} of 2` : FILES[name] ?? name;
+  const of = /^(page|page-bw|view|report)-(\d)(\..+)$/.exec(name); // one of two pages of a book
+  return of ? `${FILES[`${of[1]}${of[3]}`]}, ${of[2]} of 2` : FILES[name] ?? name;
 }
 
 function link(href, text, bytes, className = "") {
@@ -121,9 +127,9 @@ function link(href, text, bytes, className = "") {
 
 function preview(job) {
   const image = job.files.find((file) => file.name === "preview.jpg");
-  const view = job.files.find((file) => file.name === "view.html");
+  const views = job.files.filter((file) => /^view.*\.html$/.test(file.name));
   const parts = image ? [element("img", "", { src: image.href, alt: `The restored page of ${job.title}` })] : [];
-  if (view) parts.unshift(element("a", "Open the interactive view", { href: view.href, target: "_blank", rel: "noopener", className: "button" }));
+  parts.unshift(...views.map((view, k) => element("a", `Open the interactive view${views.length > 1 ? ` of page ${k + 1}` : ""}`, { href: view.href, target: "_blank", rel: "noopener", className: "button" })));
   return parts;
 }
 
