@@ -109,7 +109,7 @@ def captures() -> Iterator[Case]:
         ("data/field/meshes/curved_fold.obj", "mm", "paper folded along a curve, of 0.7 mm", (LOOK,)),
         ("data/field/meshes/quad.obj", "mm", "panels of glass, no paper", (LOOK, BAD)),
         ("data/field/meshes/hemisphere.obj", "m", "half a sphere", (BAD,)),
-        ("data/field/meshes/face.obj", "mm", "a face", (BAD,)),
+        ("data/field/meshes/face.obj", "m", "a face", (BAD,)),
         ("data/field/meshes/camel_b.obj", "mm", "a camel", (BAD,)),
     ):
         yield Case(Path(name).stem, truth, lambda n=name, u=units: of_file(n, u, draw=False), allowed=allowed)

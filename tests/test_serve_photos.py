@@ -3,14 +3,17 @@
 import json
 import signal
 
+import numpy as np
 import pytest
 from PIL import Image
 
 from planish.cli.acquire.virtual_photos import phone_jpeg
+from planish.errors import UsageError
 from planish.gallery import photo_shoot, sheet, typeset_page, virtual_scan
 from planish.job import photo_sheet
 from planish.job.photo_sheet import PhotographedSheet
-from planish.settings import PhotoSettings, RestoreSettings
+from planish.settings import BinarizeSettings, PhotoSettings, RenderSettings, RestoreSettings
+from planish.web.outline import read_outline
 from planish.web.restore_photos import restore_photos
 from planish.web.upload_request import UploadRequest
 from serve_process import PATIENCE, Server
@@ -86,6 +89,44 @@ def test_without_a_size_no_dpi_is_claimed(tmp_path, monkeypatch):
     for name in ("page.png", "page-bw.png"):
         with Image.open(tmp_path / name) as image:
             assert "dpi" not in image.info
+
+
+def test_of_one_photo_the_outline_is_kept_and_facing_pages_are_numbered(tmp_path, monkeypatch):
+    scan = virtual_scan(sheet("letter"), points=2000, photo_px=(400, 300)).scan
+    asked = []
+
+    def shapes(file, settings, progress, outline):
+        asked.append((file.name, settings.pages, settings.paper, outline.shape, outline[1, 1], outline[-1, 0]))
+        return [PhotographedSheet(scan, True, {}, lambda done: done.report, number=k) for k in (1, 2)]
+
+    monkeypatch.setattr(photo_sheet, "shapes_of_one", shapes)
+    request = UploadRequest(
+        scan="",
+        photo=("a.jpg",),
+        camera=(),
+        size=PhotoSettings(paper="a4"),
+        settings=RestoreSettings(pages="2", binarize=BinarizeSettings(binarize="none"), render=RenderSettings(dpi=50)),
+        units="mm",
+        view=False,
+        formats=("png",),
+        outline=read_outline("400x300 0,0 390,0 390,290"),
+    )
+    reports = restore_photos(tmp_path, request, lambda stage, share: None)
+    assert asked == [("a.jpg", "2", "a4", (300, 400), 255, 0)]
+    assert len(reports) == 2
+    assert {path.name for path in tmp_path.iterdir()} == {
+        *("page-1.png", "page-2.png"),
+        *("report-1.json", "report-2.json"),
+    }
+
+
+def test_ground_outside_the_outline_is_black():
+    photo = np.full((60, 80, 3), 200, np.uint8)
+    shown = photo_sheet.on_dark_ground(photo, read_outline("800x600 0,0 400,0 400,600 0,600").mask())
+    assert (shown[:, :40] == 200).all()
+    assert (shown[:, 42:] == 0).all()
+    with pytest.raises(UsageError, match="different proportions"):
+        photo_sheet.on_dark_ground(photo.transpose(1, 0, 2), read_outline("800x600 0,0 400,0 400,600").mask())
 
 
 def test_photos_of_different_things_fail_with_a_sentence(server, photos, tmp_path):

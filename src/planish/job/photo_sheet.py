@@ -71,7 +71,7 @@ def shapes_of_one(
     start = perf_counter()
     progress("read", 0.0)
     image = read_photo(file, upright=True)
-    pixels = image.pixels if outline is None else _on_dark_ground(image.pixels, outline)
+    pixels = image.pixels if outline is None else on_dark_ground(image.pixels, outline)
     read_at = perf_counter()
     progress("shape", 0.0)
     sheets = find_shapes(pixels, settings, focal_px=focal_length_px(file), icc=image.icc)
@@ -88,7 +88,7 @@ def shapes_of_one(
     return [photographed(sheet) for sheet in sheets]
 
 
-def _on_dark_ground(photo: Pixels, outline: Pixels) -> Pixels:
+def on_dark_ground(photo: Pixels, outline: Pixels) -> Pixels:
     """The photo with everything outside the outline black.
 
     Raises

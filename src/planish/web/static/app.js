@@ -27,11 +27,12 @@ function choose(files) {
 /** Add photos: those taken just now are all called image.jpg on some phones, so they get numbers. */
 function choosePhotos(files) {
   for (const file of files) {
-    if (chosen.some((other) => other.size === file.size && other.lastModified === file.lastModified)) continue;
+    if (chosen.some((other) => other.original === file.name && other.size === file.size && other.lastModified === file.lastModified)) continue;
     const [, stem, suffix] = /^(.*?)(\.[^.]*)?$/.exec(file.name);
     let name = file.name;
     for (let k = 2; chosen.some((other) => other.name === name); k++) name = `${stem}-${k}${suffix ?? ""}`;
-    chosen.push(new File([file], name, { type: file.type, lastModified: file.lastModified }));
+    const renamed = new File([file], name, { type: file.type, lastModified: file.lastModified });
+    chosen.push(Object.assign(renamed, { original: file.name }));
   }
   return changed();
 }
