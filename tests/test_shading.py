@@ -163,6 +163,18 @@ def delta_e(light, true):
     )
 
 
+def test_a_poster_without_any_white_stays_as_photographed(sheet, shape):
+    poster = np.full(shape, 0.05)
+    for k, tone in enumerate([0.5, 0.5, 0.3, 0.1, 0.5, 0.2]):
+        row, col = 30 + 190 * (k // 3), 20 + 150 * (k % 3)
+        poster[row : row + 120, col : col + 100] = tone
+    page = photographed(poster)
+    made = remove_shading(page, *sheet, ShadingSettings(shading="geometry"))
+    assert made.fit.method == "none"
+    assert [warning.code for warning in made.fit.warnings] == ["shading-kept"]
+    assert made.page is page
+
+
 def test_a_dark_poster_stays_dark_and_its_white_becomes_white(sheet, shape):
     poster = np.full(shape, 0.1)
     poster[200:330, 120:350] = 1

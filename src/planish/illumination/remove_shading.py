@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -27,6 +28,9 @@ ALIKE = 0.1
 """So much of the page must lie within so much [log] of the light found, or it is no page of blank paper and print."""
 DARKEST = 0.05
 """Where less light falls than this part of the page's middling light, only so much is made good: the rest is noise."""
+FEW, HANGS_TOGETHER = 0.25, 0.5
+"""Where less of the cells without strokes agrees with the lamp, most of those that do must hang together: else they are
+pale patches of a page that is printed all over, no paper."""
 CLIPPED = 0.01
 """Part of the page that may be clipped in the photo without a word: glints, and grain of paper just below white."""
 SHADOW_STEP_MM = 1.5
@@ -121,10 +125,13 @@ def remove_shading(
     if s.shading == "none":
         raise UsageError('shading is "none", so there is no shade to remove; choose geometry or background')
     cells = cell_statistics(page)
-    by_geometry = _by_geometry(cells, scan, page_xy, normals) if s.shading == "geometry" else None
     warnings: tuple[Diagnostic, ...] = ()
-    if by_geometry is not None:
-        field, seam, lamp = by_geometry
+    surface = surface_at_pixels(cells, scan, page_xy, normals) if s.shading == "geometry" else None
+    lamp = None if surface is None else _lamp(cells, surface)
+    if surface is not None and lamp is not None:
+        if _in_patches(cells, surface, lamp):
+            return _as_photographed(page, cells)
+        field, seam = _by_geometry(cells, surface, lamp)
     else:
         light = light_of_paper(cells)
         if light is None:
@@ -137,7 +144,7 @@ def remove_shading(
                     "taken from the background instead",
                 ),
             )
-        field, seam, lamp = light, np.zeros(cells.known.shape, np.float32), None
+        field, seam = light, np.zeros(cells.known.shape, np.float32)
     field = np.maximum(field, np.median(field[cells.known], axis=0) + np.log(DARKEST, dtype=np.float32))
     gain = np.exp(seam[..., None] - field) * _kept_colour(field, cells)
     pixels, clipped = divide_illumination(page, gain, cells.side_px)
@@ -167,26 +174,19 @@ def _as_photographed(page: Page, cells: Cells) -> EvenlyLit:
     return EvenlyLit(page, clipped, fit, np.ones((*cells.known.shape, 3), np.float32), cells.side_px)
 
 
-def _by_geometry(
-    cells: Cells, scan: Scan, page_xy: Floats, normals: NDArray[np.floating[Any]]
-) -> tuple[Field, Field, LampModel] | None:
-    """Logarithm of the light of paper in each cell, that of the seams, the lamp; None where paper is too little."""
-    surface = surface_at_pixels(cells, scan, page_xy, normals)
-    lamp = _lamp(cells, surface)
-    if lamp is None:
-        return None
+def _by_geometry(cells: Cells, surface: Surface, lamp: LampModel) -> tuple[Field, Field]:
+    """Logarithm of the light of paper in each cell, and that of the seams."""
     shape = coarse_mesh(surface, max(1, round(SHADOW_STEP_MM / cells.mm)))
     share = shadow_visibility(shape, lamp.lamp, surface.points, surface.normals)
     bare = filled(lamp.log_brightness(surface.points, surface.normals, surface.off_axis), surface.known)
     model = filled(lamp.log_brightness(surface.points, surface.normals, surface.off_axis, share), surface.known)
     bend, edge = (max(1, round(mm / cells.mm)) for mm in (1.5, 4.0))
-    return *refine_illumination(cells, model, nearby_range(bare, bend), nearby_range(model - bare, edge)), lamp
+    return refine_illumination(cells, model, nearby_range(bare, bend), nearby_range(model - bare, edge))
 
 
 def _lamp(cells: Cells, surface: Surface) -> LampModel | None:
     """The light found from the quiet cells, where enough of them agree with it."""
-    bright = cells.brightness
-    quiet = (cells.share > 0.7) & cells.known & surface.known & (cells.clipped < 0.1) & (bright > 0.01)
+    bright, quiet = cells.brightness, _quiet(cells, surface)
     if quiet.sum() < MIN_PAPER_CELLS:
         return None
     some = sample_cells(quiet)
@@ -194,6 +194,23 @@ def _lamp(cells: Cells, surface: Surface) -> LampModel | None:
     lamp = fit_lamp(*where, bright[some].astype(np.float64))
     paper = (np.abs(np.log(bright[some]) - lamp.log_brightness(*where)) < ALIKE).mean() * quiet.sum()
     return lamp if paper > max(MIN_PAPER_CELLS, PAPER_SHARE * cells.known.sum()) else None
+
+
+def _quiet(cells: Cells, surface: Surface) -> Bools:
+    """Cells without strokes, of paper or of even print."""
+    usable = cells.known & surface.known & (cells.clipped < 0.1) & (cells.brightness > 0.01)
+    return np.asarray(usable & (cells.share > 0.7))
+
+
+def _in_patches(cells: Cells, surface: Surface, lamp: LampModel) -> bool:
+    """Whether the cells as bright as the lamp would make paper are few, and hang together in small parts only."""
+    quiet = _quiet(cells, surface)
+    log_model = lamp.log_brightness(surface.points, surface.normals, surface.off_axis)
+    alike = quiet & (np.abs(np.log(np.maximum(cells.brightness, 1e-4)) - log_model) < ALIKE)
+    if alike.sum() > FEW * quiet.sum():
+        return False
+    _, _, size, _ = cv2.connectedComponentsWithStats(alike.astype(np.uint8), connectivity=8)
+    return bool(size[1:, cv2.CC_STAT_AREA].max(initial=0) < HANGS_TOGETHER * alike.sum())
 
 
 def _kept_colour(field: Field, cells: Cells) -> Field:

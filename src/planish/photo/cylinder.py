@@ -8,6 +8,7 @@ Z' = sin angle(a); b runs along the straight rulings, parallel to y. Text lines 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -54,20 +55,13 @@ class Cylinder:
     @property
     def rotation(self) -> Floats:
         """Rotation from the sheet's frame to the camera's: (3, 3)."""
-        (cp, cr), (sp, sr) = np.cos(self.camera), np.sin(self.camera)
-        about_x = np.array([[1, 0, 0], [0, cp, -sp], [0, sp, cp]])
-        return np.array([[cr, -sr, 0], [sr, cr, 0], [0, 0, 1]]) @ about_x
+        return _rotations(self.camera[None])[0]
 
     @property
     def profile(self) -> tuple[Floats, Floats, Floats]:
         """Nodes of the profile: a, X(a), Z(a), extended beyond the span."""
-        low, high = self.span
-        position, basis = _nodes(len(self.angle_coefficients))
-        a = low + position * (high - low)
-        angle = np.clip(basis @ self.angle_coefficients, -STEEPEST, STEEPEST)
-        middle, step = (angle[1:] + angle[:-1]) / 2, a[1] - a[0]
-        x, z = (np.concatenate([[0], np.cumsum(part * step)]) for part in (np.cos(middle), np.sin(middle)))
-        return a, x - np.interp(0, a, x), z - np.interp(0, a, z)
+        a, x, z = _profiles(self.span, self.angle_coefficients[None])
+        return a, x[0], z[0]
 
     def angle(self, a: Floats) -> Floats:
         """Angle of the profile [rad] at arc lengths a."""
@@ -93,6 +87,29 @@ def _basis(position: Floats, count: int) -> Floats:
     return np.asarray(BSpline(knots, np.eye(count), 3)(np.clip(position, 0, 1)))
 
 
+def _rotations(camera: Floats) -> Floats:
+    """Rotations (k, 3, 3) of cameras (k, 2)."""
+    (cp, cr), (sp, sr) = np.cos(camera).T, np.sin(camera).T
+    zero = np.zeros_like(cp)
+    return np.stack([cr, -sr * cp, sr * sp, sr, cr * cp, -cr * sp, zero, sp, cp], axis=1).reshape(-1, 3, 3)
+
+
+def _profiles(span: tuple[float, float], angle_coefficients: Floats) -> tuple[Floats, Floats, Floats]:
+    """Nodes of profiles over one span, from their coefficients (k, count): a (nodes,), X and Z (k, nodes)."""
+    low, high = span
+    position, basis = _nodes(angle_coefficients.shape[1])
+    a = low + position * (high - low)
+    angle = np.clip(angle_coefficients @ basis.T, -STEEPEST, STEEPEST)
+    middle, step = (angle[:, 1:] + angle[:, :-1]) / 2, a[1] - a[0]
+    sums = np.zeros((2, *angle.shape))
+    np.cumsum(np.cos(middle) * step, axis=1, out=sums[0, :, 1:])
+    np.cumsum(np.sin(middle) * step, axis=1, out=sums[1, :, 1:])
+    at = int(np.clip(np.searchsorted(a, 0.0) - 1, 0, len(a) - 2))
+    share = min(max(-a[at] / step, 0.0), 1.0)
+    x, z = sums - ((1 - share) * sums[:, :, at] + share * sums[:, :, at + 1])[..., None]
+    return a, x, z
+
+
 def photo_to_page(cylinder: Cylinder, photo_xy: Floats) -> tuple[Floats, Bools]:
     """Intersect the rays of photo positions with the sheet.
 
@@ -108,17 +125,27 @@ def photo_to_page(cylinder: Cylinder, photo_xy: Floats) -> tuple[Floats, Bools]:
     good : (n,) bool
         Whether the ray meets the sheet.
     """
-    rays = np.c_[(photo_xy - cylinder.centre) / cylinder.focal, np.ones(len(photo_xy))] @ cylinder.rotation
-    a, x, z = cylinder.profile
+    page, good = photo_to_pages([cylinder], photo_xy)
+    return page[0], good[0]
+
+
+def photo_to_pages(cylinders: Sequence[Cylinder], photo_xy: Floats) -> tuple[Floats, Bools]:
+    """`photo_to_page` of k cylinders with one span, focal length and centre: (k, n, 2) and (k, n)."""
+    one = cylinders[0]
+    rotations = _rotations(np.array([cylinder.camera for cylinder in cylinders]))
+    rays = np.moveaxis(((photo_xy - one.centre) / one.focal) @ rotations[:, :2] + rotations[:, 2:], 2, 0)
+    a, x, z = _profiles(one.span, np.array([cylinder.angle_coefficients for cylinder in cylinders]))
     forward = z > -0.9
-    slope_of_node = np.maximum.accumulate(np.where(forward, x / np.where(forward, z + 1, 1), -np.inf))
-    toward = rays[:, 2] > 1e-6
-    slope = rays[:, 0] / np.where(toward, rays[:, 2], 1)
-    found = np.interp(slope, slope_of_node, a)
-    depth = np.interp(found, a, z) + 1
-    b = depth * rays[:, 1] / np.where(toward, rays[:, 2], 1)
-    good = toward & (slope > slope_of_node[0]) & (slope < slope_of_node[-1])
-    return np.stack([found, b], axis=1) @ cylinder.text_axes().T, good
+    slope_of_node = np.maximum.accumulate(np.where(forward, x / np.where(forward, z + 1, 1), -np.inf), axis=1)
+    toward = rays[2] > 1e-6
+    ahead = np.where(toward, rays[2], 1)
+    slope = rays[0] / ahead
+    found = np.stack([np.interp(at, node, a) for at, node in zip(slope, slope_of_node, strict=True)])
+    depth = np.stack([np.interp(at, a, node) for at, node in zip(found, z, strict=True)]) + 1
+    b = depth * rays[1] / ahead
+    good = toward & (slope > slope_of_node[:, :1]) & (slope < slope_of_node[:, -1:])
+    axes = np.array([cylinder.text_axes() for cylinder in cylinders])
+    return np.stack([found, b], axis=2) @ axes.transpose(0, 2, 1), good
 
 
 def page_to_space(cylinder: Cylinder, page: Floats) -> Floats:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.optimize import least_squares
 
 from planish.geometry.guards import TINY_PX, TINY_SHARE
-from planish.photo.cylinder import Cylinder, photo_to_page
+from planish.photo.cylinder import Cylinder, photo_to_page, photo_to_pages
 from planish.types import Bools, Floats, Ints
 
 ROUNDS = 4
@@ -25,6 +26,10 @@ SMOOTH = 0.05
 """Prior standard deviation of second differences of the angle coefficients [rad]."""
 TILT = 0.6
 """Prior standard deviation of the tilt of a hand-held camera [rad]; matters only where the data do not decide."""
+STEP = float(np.finfo(float).eps) ** 0.5
+"""Of forward differences, for parameters of about 1."""
+MOST_STEPS = 60
+"""Of a least-squares fit."""
 RATIO = 0.0005
 """Standard deviation of a known aspect ratio."""
 LOST = 0.3
@@ -153,25 +158,38 @@ def fit(
             angle_coefficients=parameters[3:],
         )
 
-    def residuals(parameters: Floats) -> Floats:
-        residual, _, position = residuals_of(cylinder_at(parameters), observations, weight, cylinder.focal)
-        prior = np.concatenate(
-            [parameters[:1] / TILT, parameters[2:3], np.diff(parameters[3:], 2) / SMOOTH, parameters[3:]]
-        )
+    def residuals_at(several: Floats) -> Floats:
+        """Residuals (k, m) at k sets of parameters."""
+        cylinders = [cylinder_at(parameters) for parameters in several]
+        residual, _, position = residuals_of_several(cylinders, observations, weight, cylinder.focal)
+        prior = [several[:, :1] / TILT, several[:, 2:3], np.diff(several[:, 3:], 2) / SMOOTH, several[:, 3:]]
         uneven = (
-            (position[observations.evenly_spaced] @ [1.0, -2.0, 1.0])
+            (position[:, observations.evenly_spaced] @ [1.0, -2.0, 1.0])
             * cylinder.focal
             / observations.sigma_px[observations.evenly_spaced[:, 1]]
         )
         shape = (
-            [_ratio_residual(position, observations)] if observations.ratio and observations.sides is not None else []
+            [[[_ratio_residual(one, observations)] for one in position]]
+            if observations.ratio and observations.sides is not None
+            else []
         )
         data = np.sqrt(weight * group_weight) * residual / observations.sigma_px[observations.group]
-        return np.concatenate([data / scale, uneven / scale, prior, shape])
+        return np.concatenate([data / scale, uneven / scale, *prior, *shape], axis=1)
+
+    def slopes(parameters: Floats) -> Floats:
+        """Forward differences by all parameters at once."""
+        step = STEP * np.maximum(np.abs(parameters), 1)
+        begin, *ends = residuals_at(np.vstack([parameters, parameters + np.diag(step)]))
+        return (np.array(ends) - begin).T / step
+
+    def residuals(parameters: Floats) -> Floats:
+        return residuals_at(parameters[None])[0]
 
     parameters = np.concatenate([cylinder.camera, [0.0], cylinder.angle_coefficients])
     for k in range(rounds):
-        parameters = least_squares(residuals, parameters, method="lm", x_scale=0.1, xtol=1e-6, ftol=1e-6, max_nfev=60).x
+        parameters = least_squares(
+            residuals, parameters, slopes, method="lm", x_scale=0.1, xtol=1e-6, ftol=1e-6, max_nfev=MOST_STEPS
+        ).x
         residual, page, position = residuals_of(cylinder_at(parameters), observations, weight, cylinder.focal)
         if k < rounds - 1:
             weight, scale = _weights(residual, observations, weight)
@@ -185,12 +203,24 @@ def residuals_of(
     cylinder: Cylinder, observations: Observations, weight: Floats, px_per_unit: float
 ) -> tuple[Floats, Floats, Floats]:
     """Distance of each position from its group's line [photo px], page positions, and line coordinates."""
-    page, good = photo_to_page(cylinder, observations.photo_xy)
+    residual, page, position = residuals_of_several([cylinder], observations, weight, px_per_unit)
+    return residual[0], page[0], position[0]
+
+
+def residuals_of_several(
+    cylinders: Sequence[Cylinder], observations: Observations, weight: Floats, px_per_unit: float
+) -> tuple[Floats, Floats, Floats]:
+    """The same for k cylinders with one span: (k, n), (k, n, 2) and (k, groups)."""
+    page, good = photo_to_pages(cylinders, observations.photo_xy)
     group, count = observations.group, len(observations.upright)
-    value = np.where(observations.upright[group], page[:, 0], page[:, 1])
+    value = np.where(observations.upright[group], page[..., 0], page[..., 1])
     w = weight * good + TINY_SHARE
-    position = np.bincount(group, w * value, count) / np.bincount(group, w, count)
-    return np.where(good, value - position[group], LOST) * px_per_unit, page, position
+    of_cylinder = (group + count * np.arange(len(cylinders))[:, None]).ravel()
+    total, sums = (
+        np.bincount(of_cylinder, what.ravel(), count * len(cylinders)).reshape(-1, count) for what in (w, w * value)
+    )
+    position = sums / total
+    return np.where(good, value - position[:, group], LOST) * px_per_unit, page, position
 
 
 def _ratio_residual(position: Floats, observations: Observations) -> float:

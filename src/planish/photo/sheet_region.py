@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import find_objects
 
 from planish.color import to_uint8
 from planish.photo.lines import TextLines
@@ -163,15 +164,25 @@ def _rim(coarse: NDArray[np.uint8], seed: Bools) -> tuple[Bools, Bools]:
         sheet = seed | np.isin(pieces, list(joined))
         basins = np.where(sheet, 1, np.where(pieces >= 0, pieces + 2, 0)).astype(np.int32)
         cv2.watershed(smooth, basins)
-        more = {k for k in range(pieces.max() + 1) if k not in joined and _no_edge(level, basins == 1, basins == k + 2)}
+        boxes = find_objects(np.maximum(basins, 0))
+        more = {
+            k
+            for k in range(pieces.max() + 1)
+            if k not in joined
+            and k + 1 < len(boxes)
+            and (box := boxes[k + 1]) is not None
+            and _no_edge(level, basins, k + 2, box)
+        }
         if not more:
             break
         joined |= more
     return sheet, (pieces >= 0) & ~sheet
 
 
-def _no_edge(level: NDArray[np.float32], inside: Bools, outside: Bools) -> bool:
-    """Whether two neighbouring basins are about as bright and coloured beside their common edge."""
+def _no_edge(level: NDArray[np.float32], basins: Ints, number: int, box: tuple[slice, slice]) -> bool:
+    """Whether a basin and the sheet's, number 1, are about as bright and coloured beside their common edge."""
+    around = tuple(slice(max(0, one.start - BESIDE), one.stop + BESIDE) for one in box)
+    level, inside, outside = level[around], basins[around] == 1, basins[around] == number
     edge = _grown(inside, 1) & _grown(outside, 1) & ~inside & ~outside
     if edge.sum() < FEWEST_PX:
         return False
