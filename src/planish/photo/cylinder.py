@@ -104,8 +104,9 @@ def _profiles(span: tuple[float, float], angle_coefficients: Floats) -> tuple[Fl
     sums = np.zeros((2, *angle.shape))
     np.cumsum(np.cos(middle) * step, axis=1, out=sums[0, :, 1:])
     np.cumsum(np.sin(middle) * step, axis=1, out=sums[1, :, 1:])
-    at = int(np.clip(np.searchsorted(a, 0.0) - 1, 0, len(a) - 2))
-    share = min(max(-a[at] / step, 0.0), 1.0)
+    node = float(np.interp(0.0, a, np.arange(len(a))))
+    at = min(int(node), len(a) - 2)
+    share = node - at
     x, z = sums - ((1 - share) * sums[:, :, at] + share * sums[:, :, at + 1])[..., None]
     return a, x, z
 
