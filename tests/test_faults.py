@@ -1,6 +1,7 @@
 """Full disks, killed processes, signals, clocks that jump: never a half-written file, never a traceback."""
 
 import errno
+import hashlib
 import itertools
 import json
 import os
@@ -17,11 +18,13 @@ import pytest
 
 from planish.cli.main import run
 from planish.errors import OutputError
-from planish.io import all_or_nothing, write_json, write_page, write_scan
+from planish.io import all_or_nothing, pipes, read_scan, write_json, write_page, write_scan
 from planish.io.atomic import AtomicFile
+from planish.io.cameras import camera_as_json
+from planish.io.encode import png_bytes
 from planish.io.files import write_bytes, writing, writing_folder
 from planish.types import Page
-from samples import sheet_scan
+from samples import camera_above, picture, sheet_scan
 
 KILLED_WHILE_WRITING = """
 import os, signal, sys
@@ -261,6 +264,26 @@ def test_a_signal_in_the_middle_of_decoding_is_not_silenced(tmp_path):
     assert done.stderr == "planish: ended by SIGTERM; no incomplete files were left\n"
 
 
+@pytest.mark.parametrize("manner", ["writing", "writing_folder"])
+def test_a_signal_while_a_file_is_half_written_leaves_none(tmp_path, manner):
+    code = (
+        "import os, signal, sys, threading\n"
+        "from planish.cli import main as run\n"
+        f"from planish.io.files import {manner}, all_or_nothing, write_bytes\n"
+        "def work(arguments):\n"
+        "    with all_or_nothing():\n"
+        "        write_bytes(sys.argv[1] + '.json', b'whole')\n"
+        f"        with {manner}(sys.argv[1]) as beside:\n"
+        "            (beside / 'x.tif' if beside.is_dir() else beside).write_text('half')\n"
+        "            os.kill(os.getpid(), signal.SIGTERM); threading.Event().wait(30)\n"
+        "sys.modules['planish.cli.main'].run = work\n"
+        "run([])\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code, str(tmp_path / "flat")], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (143, "planish: ended by SIGTERM; no incomplete files were left\n")
+    assert names(tmp_path) == []
+
+
 def test_a_clock_that_jumps_changes_nothing(sheet, tmp_path, monkeypatch):
     assert run(["flatten", str(sheet), "-o", str(tmp_path / "a.ply")]) == 0
     hours = itertools.cycle([0.0, 4e9, -1e9, 1e6])
@@ -294,3 +317,65 @@ def test_closed_streams_and_a_name_that_is_no_text_hinder_nothing(tmp_path):
     done = shell("<&- >&- 2>&-", "flatten", scan, "-o", tmp_path / "flat.obj", "--report", report, "--verbose")
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
     assert scan.name in json.loads(report.read_text())["warnings"][0]
+
+
+@pytest.mark.parametrize("columns", ["0", "-5", "1", "none"])
+def test_help_for_a_terminal_of_no_width_comes_to_its_end(columns):
+    environment = {**os.environ, "COLUMNS": columns}
+    command = [sys.executable, "-m", "planish", "warm-up", "--help"]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert max(map(len, done.stdout.splitlines())) <= 80
+
+
+@pytest.fixture
+def pipe(tmp_path):
+    os.mkfifo(tmp_path / "pipe.png")
+    return tmp_path / "pipe.png"
+
+
+class TestPipes:
+    def test_a_reader_that_goes_away_is_an_error(self, pipe):
+        def read_a_little():
+            with pipe.open("rb") as file:
+                file.read(10)
+
+        reader = threading.Thread(target=read_a_little)
+        reader.start()
+        with pytest.raises(OutputError, match="the program that read it has ended"):
+            write_bytes(pipe, [b"1" * 100_000] * 100)
+        reader.join()
+
+    def test_a_reader_that_never_comes_is_not_waited_for_without_end(self, pipe, monkeypatch):
+        monkeypatch.setattr(pipes, "_READER_SECONDS", 0.1)
+        with pytest.raises(OutputError, match=r"no program has read for 0.1 s; start its reader first"):
+            write_bytes(pipe, b"1")
+
+    def test_a_reader_may_come_later(self, pipe):
+        got = []
+        reader = threading.Timer(0.2, lambda: got.append(pipe.read_bytes()))
+        reader.start()
+        write_bytes(pipe, b"flat")
+        reader.join()
+        assert got == [b"flat"]
+
+    def test_a_photo_from_a_pipe_is_read_once(self, pipe, tmp_path):
+        scan = write_scan(tmp_path / "sheet.ply", sheet_scan(12, 9))[0]
+        photo, camera = png_bytes(picture(200, 260)), tmp_path / "camera.json"
+        camera.write_text(json.dumps(camera_as_json(camera_above(200, 260))))
+        writer = threading.Thread(target=lambda: pipe.write_bytes(photo))
+        writer.start()
+        read = read_scan(scan, photo=pipe, camera=camera)
+        writer.join()
+        assert read.scan.photo.shape == (200, 260, 3)
+        assert read.digests[pipe] == hashlib.sha256(photo).hexdigest()
+
+
+def test_without_docstrings_and_asserts(sheet, tmp_path):
+    """As `python -OO` has it: help is short then, but all works."""
+    command = [sys.executable, "-OO", "-m", "planish", "flatten"]
+    for words in ([sheet, "-o", tmp_path / "flat.obj", "-q"], ["--help"]):
+        done = subprocess.run([*command, *map(str, words)], capture_output=True, text=True)
+        assert (done.returncode, done.stderr) == (0, "")
+    web = "from planish.web import app, service, openapi, fields; fields.known_fields(); openapi.request_body()"
+    assert subprocess.run([sys.executable, "-OO", "-c", web], capture_output=True, text=True).stderr == ""

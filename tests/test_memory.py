@@ -154,3 +154,13 @@ def test_the_command_line_tells_in_one_line_that_memory_ran_out(monkeypatch, cap
     monkeypatch.setattr(sys.modules["planish.cli.main"], "app", app)
     assert run([]) == 3
     assert capsys.readouterr().err.startswith("planish: not enough memory")
+
+
+@pytest.mark.parametrize(("kind", "kilobytes"), [("d", 300_000), ("v", 300_000), ("v", 600_000)])
+def test_a_limit_too_low_for_the_libraries_is_a_sentence(tmp_path, kind, kilobytes):
+    scan = write_scan(tmp_path / "scan.obj", sheet_scan())[0]
+    script = f'ulimit -{kind} {kilobytes}; exec "$0" -m planish flatten "$1" -o "$2"'
+    words = [sys.executable, str(scan), str(tmp_path / "flat.obj")]
+    done = subprocess.run(["bash", "-c", script, *words], capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stderr.count("\n")) == (3, 1)
+    assert "memory" in done.stderr

@@ -14,6 +14,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING
 
+from planish.kernel_cache import use_writable_kernel_cache
 from planish.version import __version__ as __version__
 
 if TYPE_CHECKING:
@@ -33,6 +34,8 @@ if TYPE_CHECKING:
     from planish.pipeline import flatten, restore
     from planish.settings import FlattenSettings, RenderSettings, RestoreSettings
     from planish.types import Camera, Flattening, Mesh, Outcome, Page, Report, Restoration, Scan
+
+use_writable_kernel_cache()  # before numba is imported
 
 _WHERE = {
     "gallery": "planish.gallery",

@@ -19,7 +19,15 @@ _ADDRESSES = 500e6
 leaves fewer, OpenBLAS waits for ever for a buffer that it cannot have."""
 SCARCE = 300e6
 """Bytes; with fewer, libraries cannot be loaded and threads not be started."""
-_REFUSED = ("can't start new thread", "failed to map segment", "cannot allocate memory", "Cannot allocate memory")
+_LEAST = 400e6
+"""Bytes for a small page with compiled kernels; measured with `ulimit -d`."""
+_REFUSED = (
+    "can't start new thread",
+    "Could not find/load shared object",
+    "failed to map segment",
+    "cannot allocate memory",
+    "Cannot allocate memory",
+)
 _VERSION_2 = ("memory.max", "memory.current", "inactive_file")
 _VERSION_1 = ("memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file")
 
@@ -52,6 +60,21 @@ def check_memory(need: float, what: str, hint: str) -> None:
         raise InputError(f"{what} needs about {_readable(need)} of memory, and {_readable(free)} are free", hint)
 
 
+def check_limits() -> None:
+    """Refuse to begin under a limit that leaves no room even for the libraries, which would hang or crash.
+
+    Raises
+    ------
+    InputError
+    """
+    free = min(of_control_groups(), _of_own_limits())
+    if free < SCARCE:
+        raise InputError(
+            f"planish needs {_readable(_LEAST)} of memory or more, and a limit (ulimit, container) leaves it "
+            f"{_readable(max(0.0, free))}; raise the limit"
+        )
+
+
 def is_out_of_memory(problem: BaseException) -> bool:
     """Whether an exception says that memory was asked for and not given.
 
@@ -63,7 +86,9 @@ def is_out_of_memory(problem: BaseException) -> bool:
     cv2 = sys.modules.get("cv2")
     if cv2 is not None and isinstance(problem, cv2.error):
         return bool(problem.code == cv2.Error.StsNoMem)
-    refused = isinstance(problem, ImportError | RuntimeError) and any(words in str(problem) for words in _REFUSED)
+    refused = isinstance(problem, ImportError | RuntimeError | OSError) and any(
+        words in str(problem) for words in _REFUSED
+    )
     return refused and free_bytes() < SCARCE
 
 

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
+from planish import kernel_cache
 from planish.hints import as_flag
 from planish.types import Diagnostic, Report
 
@@ -50,6 +51,11 @@ def pipeline_progress(*, quiet: bool, draw: bool = True) -> Iterator[Callable[[s
 @contextmanager
 def progress_bar(*, quiet: bool) -> Iterator[Callable[[str, float], None]]:
     """Progress bar on stderr with the name of the stage, if it is a terminal."""
+    if kernel_cache.made is not None and not quiet:
+        folder = kernel_cache.made
+        sentence = f"neither planish's folder nor yours can be written, so compiled code is kept in {folder}"
+        note = f"planish: note: {sentence}; set {kernel_cache.VARIABLE} to keep it elsewhere"
+        Console(stderr=True, highlight=False, soft_wrap=True, markup=False).print(note)
     if quiet or not sys.stderr.isatty():
         yield lambda name, share: None
         return

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import io
 import os
+import shutil
 import signal
 import sys
 from concurrent.futures import ThreadPoolExecutor
@@ -27,11 +28,13 @@ from planish.cli.view import view
 from planish.cli.warm_up import warm_up
 from planish.errors import OutputError, PlanishError, UsageError
 from planish.hints import as_flag
-from planish.memory import is_out_of_memory
+from planish.memory import check_limits, is_out_of_memory
 from planish.system import LAST_SIGNALS
 
 NOT_GOOD = 5
 """The page was written, but its verdict is "not good"."""
+NARROWEST = 40
+"""Columns that help needs at least."""
 INTERRUPTED, TERMINATED = 130, 143
 """128 plus the signal number, as in shells."""
 
@@ -60,11 +63,19 @@ def main(arguments: list[str] | None = None) -> NoReturn:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # names of files may hold what a terminal cannot show
+    _keep_lines_readable()
     os.environ["PLANISH_OWN_PROCESS"] = "1"  # see planish.io.suppress_stderr, which is not imported yet
     if (sys.argv[1:] if arguments is None else arguments)[:1] == ["serve"]:  # the server handles signals itself
         sys.exit(run(arguments))
     with ThreadPoolExecutor(1) as worker:
         sys.exit(worker.submit(run, arguments).result())
+
+
+def _keep_lines_readable() -> None:
+    """Keep help and tables from being laid out for no columns, as COLUMNS=0 asks, which never ends."""
+    columns = shutil.get_terminal_size().columns
+    if "COLUMNS" in os.environ or columns < NARROWEST:
+        os.environ["COLUMNS"] = str(max(columns, NARROWEST))
 
 
 def _leave(number: int, frame: FrameType | None) -> NoReturn:
@@ -80,6 +91,8 @@ def _leave(number: int, frame: FrameType | None) -> NoReturn:
 def run(arguments: list[str] | None = None) -> int:
     """Run the command line; every error is one line on stderr and an exit code."""
     try:
+        if not {"--help", "-h", "--version"} & set(sys.argv[1:] if arguments is None else arguments):
+            check_limits()
         usable = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
         sys.stdout.flush()
         return NOT_GOOD if usable is False else 0

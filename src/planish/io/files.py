@@ -19,6 +19,7 @@ import numpy as np
 
 from planish.errors import InputError, OutputError
 from planish.io.atomic import AtomicFile
+from planish.io.pipes import is_stream, read_by_somebody
 from planish.memory import check_memory
 from planish.types import Report
 
@@ -42,6 +43,9 @@ _WAITING: ContextVar[list[tuple[AtomicFile, Path]] | None] = ContextVar("_WAITIN
 
 _DIGESTS: ContextVar[dict[Path, str] | None] = ContextVar("_DIGESTS", default=None)
 """SHA-256 of the files read inside `recording_digests`."""
+
+_STREAMS: ContextVar[dict[Path, bytes] | None] = ContextVar("_STREAMS", default=None)
+"""What came out of pipes inside `recording_digests`: they give it but once."""
 
 _UNFINISHED: dict[int, Callable[[], None]] = {}
 """What takes away the files that are being written just now."""
@@ -70,13 +74,17 @@ def cleanup_on_exit(cleanup: Callable[[], None]) -> Iterator[None]:
 
 @contextmanager
 def recording_digests() -> Iterator[dict[Path, str]]:
-    """Record the SHA-256 of every file that `read_bytes` reads in the block, of the very bytes that are used."""
+    """Record the SHA-256 of every file that `read_bytes` reads in the block, of the very bytes that are used.
+
+    A pipe may be read more than once in the block, though it gives its bytes but once.
+    """
     digests: dict[Path, str] = {}
-    token = _DIGESTS.set(digests)
+    token, streams = _DIGESTS.set(digests), _STREAMS.set({})
     try:
         yield digests
     finally:
         _DIGESTS.reset(token)
+        _STREAMS.reset(streams)
 
 
 def read_bytes(path: str | Path) -> bytes:
@@ -87,7 +95,9 @@ def read_bytes(path: str | Path) -> bytes:
     InputError
         If there is no such file, it is a folder, it is empty, it does not fit into the memory, or the system refuses.
     """
-    path = Path(path)
+    path, streams = Path(path), _STREAMS.get()
+    if streams is not None and path in streams:
+        return streams[path]
     with _reading(path), path.open("rb") as file:
         size = os.fstat(file.fileno()).st_size
         check_memory(size, f"reading {path}", "close other programs, or give a smaller file")
@@ -101,6 +111,8 @@ def read_bytes(path: str | Path) -> bytes:
         raise InputError(f"{path} is empty (0 bytes); was it copied or downloaded to its end?")
     if (digests := _DIGESTS.get()) is not None:
         digests[path] = hashlib.sha256(data).hexdigest()
+    if streams is not None and is_stream(path):
+        streams[path] = data
     return data
 
 
@@ -167,7 +179,7 @@ def _check_writable(path: Path, overwrite: bool) -> None:
         raise OutputError(f"{path} is a folder; the name of a file to write is wanted")
     if path.exists() and not overwrite:
         raise OutputError(f"{path} exists already", "give another name, or allow overwriting with {overwrite}")
-    if not os.access(path if _is_stream(path) else folder, os.W_OK):
+    if not os.access(path if is_stream(path) else folder, os.W_OK):
         raise OutputError(f"{path} cannot be written: {_REASONS[errno.EACCES]}")
 
 
@@ -205,8 +217,8 @@ def writing(path: str | Path) -> Iterator[Path]:
     """
     path = Path(path)
     check_writable(path)
-    if _is_stream(path):  # a pipe or /dev/stdout must be written to, not replaced
-        with translate_os_errors(path):
+    if is_stream(path):  # a pipe or /dev/stdout must be written to, not replaced
+        with translate_os_errors(path), read_by_somebody(path):
             yield path
         return
     target = path.resolve()  # through a symbolic link
@@ -340,10 +352,6 @@ def write_json(path: str | Path, report: Any) -> None:
     plain = _plain(asdict(report) if is_dataclass(report) and not isinstance(report, type) else report)
     text = json.dumps(plain, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
     write_bytes(path, text.encode(errors="backslashreplace"))  # names of files may be no text
-
-
-def _is_stream(path: Path) -> bool:
-    return path.exists() and not path.is_file() and not path.is_dir()
 
 
 @contextmanager

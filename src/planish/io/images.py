@@ -18,6 +18,7 @@ from planish.display.one_line import one_line
 from planish.errors import InputError
 from planish.io.files import read_bytes
 from planish.io.photo_kinds import decode_other, other_kind
+from planish.io.pipes import is_stream
 from planish.io.suppress_stderr import suppress_stderr
 from planish.memory import check_memory
 from planish.types import Diagnostic, Floats, Pixels
@@ -148,6 +149,8 @@ def decode_photo(name: str, data: bytes, *, upright: bool = False) -> Photo:
 
 def stored_shape(source: Path | bytes) -> tuple[int, int] | None:
     """Rows and columns of an image by its header alone; None where that does not tell."""
+    if isinstance(source, Path) and is_stream(source):
+        source = read_bytes(source)
     try:
         with suppress_stderr(), Image.open(io.BytesIO(source) if isinstance(source, bytes) else source) as image:
             return image.height, image.width

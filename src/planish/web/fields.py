@@ -168,10 +168,10 @@ def schema_of(field: Field) -> dict[str, Any]:
 def _iter_fields(settings: Any, path: tuple[str, ...], prefix: str) -> Iterator[Field]:
     hints = get_type_hints(type(settings))
     helps = {param.arg_name: param.description or "" for param in parse(type(settings).__doc__ or "").params}
-    for item in fields(settings):
+    for item in fields(settings):  # python -OO leaves no docstrings
         value, here = getattr(settings, item.name), (*path, item.name)
         name = item.name.replace("_", "-")
         if is_dataclass(value):
             yield from _iter_fields(value, here, prefix if item.name in _UNPREFIXED else f"{prefix}{name}.")
         else:
-            yield Field(f"{prefix}{name}", here, hints[item.name], value, " ".join(helps[item.name].split()))
+            yield Field(f"{prefix}{name}", here, hints[item.name], value, " ".join(helps.get(item.name, "").split()))
