@@ -12,7 +12,7 @@ from planish.cli.main import run
 from planish.hints import as_flag
 from planish.pipeline import restore
 from planish.report import graded, summary, usual
-from planish.types import Diagnostic
+from planish.types import Diagnostic, PhotoReport
 from planish.types.verdict import ASK_FOR_A_LOOK, SCALE_GUESSED, Evidence, judge
 from planish.view.report_html import verdict as verdict_html
 from small_scans import write_small_scan
@@ -127,3 +127,11 @@ def test_reasons_are_printed_even_if_quiet_and_the_report_has_them(done, tmp_pat
     assert said.out == ""
     assert said.err.startswith("planish: look at it: the file names no unit")
     assert json.loads(report.read_text())["verdict"] == "look at it"
+
+
+def test_of_one_photo_no_error_is_claimed_and_scale_has_no_stars(done):
+    report, _ = done
+    photo = PhotoReport("text-lines", "paper", 3000.0, "exif", 20, 500, 0.05, 0.05, 0.0, "Straight.")
+    report = graded(replace(report, photo=photo))
+    assert dict(summary(report))["expected error"].startswith("not known")
+    assert not any("scale" in criterion.name for criterion in report.guideline.criteria)

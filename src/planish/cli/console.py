@@ -124,7 +124,7 @@ def print_report(
         return
     table = Table(show_header=False, box=None, pad_edge=False)
     for what, how_much in [*summary(report), *(("written", name) for name in written)]:
-        table.add_row(what, how_much, usual(what), style=None)
+        table.add_row(what, how_much, f"usual: {usual(what)}" if usual(what) else "")
     Console(highlight=False, markup=False).print(table)
 
 

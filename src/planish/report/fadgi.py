@@ -38,7 +38,8 @@ def guideline(report: Report) -> GuidelineReport:
     Resolution is what the photo has over nine tenths of the page, at most the page's own dpi: pixels that were only
     interpolated do not count. Evenness is that of the paper on the page, after shade was removed. Scale is by how much
     the expected errors of two opposite sides change the shorter way across the page; that the scanner's millimetre is
-    true is taken for granted; where it is a guess, scale is not graded.
+    true is taken for granted; where it is a guess, or the shape is one from a
+    single photo, scale is not graded.
 
     Parameters
     ----------
@@ -52,8 +53,8 @@ def guideline(report: Report) -> GuidelineReport:
         found.append(
             _criterion("evenness of the paper", "%", 100 * LIGHT_PER_GREY * report.shading.unevenness, EVENNESS_PERCENT)
         )
-    if not SCALE_GUESSED.isdisjoint(report.warning_codes):
-        return GuidelineReport(NAME, found, [*NOT_GRADED, "accuracy of scale (the size is a guess)"])
+    if report.photo is not None or not SCALE_GUESSED.isdisjoint(report.warning_codes):
+        return GuidelineReport(NAME, found, [*NOT_GRADED, "accuracy of scale (the size or shape is a guess)"])
     across = max(min(page.width_mm, page.height_mm), TINY_MM)
     out = 2**0.5 * report.flatten.expected_error_mm
     found.append(_criterion("accuracy of scale", "%", 100 * out / across, SCALE_PERCENT))

@@ -17,6 +17,10 @@ USUAL = {
 """What is usual of each figure, for a reader who sees one for the first time."""
 
 
+UNMEASURED = "not known: one photo does not measure the shape"
+"""Instead of an expected error: that of the flattening alone would be 0.000 mm for a page that is millimetres off."""
+
+
 def usual(what: str) -> str:
     """What is usual of a figure, or nothing.
 
@@ -38,7 +42,7 @@ def summary(report: Report) -> list[tuple[str, str]]:
         ("scan", f"{scan.points:,} points, {scan.faces:,} faces, in {scan.unit}"),
         ("flattened", f"{flat.method} on {flat.points:,} points, {flat.iterations} steps, {flat.seconds:.2f} s"),
         ("page", f"{page.width_mm:.1f} x {page.height_mm:.1f} mm"),
-        ("expected error", f"{flat.expected_error_mm:.3f} mm rms{noise}"),
+        ("expected error", UNMEASURED if report.photo else f"{flat.expected_error_mm:.3f} mm rms{noise}"),
         ("strain", f"{100 * flat.strain_rms:.3f} % rms, {100 * flat.strain_max:.2g} % greatest"),
         ("stretch", f"{flat.stretch_l2:.5f} mean, {flat.stretch_linf:.3f} greatest"),
         ("flipped faces", f"{flat.flipped_faces:,}, and {flat.overlaps:,} that overlap"),

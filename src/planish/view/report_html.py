@@ -6,6 +6,7 @@ from html import escape
 
 from planish.report import summary, usual
 from planish.types import Outcome, Report, Restoration
+from planish.types.summary import UNMEASURED
 from planish.view.fall_animation import FallAnimation
 
 METHODS = {"multigrid": "multigrid", "verlet": "the paper's particle system", "mass-spring": "the mass-spring system"}
@@ -39,6 +40,8 @@ def headline(report: Report) -> str:
         ("Expected error", f"{flat.expected_error_mm:.3f}", "mm rms"),
         ("Strain", f"{100 * flat.strain_rms:.3f}", "% rms"),
     ]
+    if report.photo is not None:
+        del figures[1:]  # of the estimated shape, not of the sheet
     if page.dpi is not None:
         figures.insert(1, ("Resolution", f"{page.dpi:g}", "dpi"))
     if page.effective_ppi_median is not None:
@@ -87,8 +90,12 @@ def animation_caption(restoration: Restoration, animation: FallAnimation) -> str
 def _sentences(report: Report) -> list[str]:
     page, flat = report.page, report.flatten
     sentences = [
-        f"The page is {page.width_mm:.1f} × {page.height_mm:.1f} mm; the expected error of its points is "
-        f"{flat.expected_error_mm:.3f} mm (rms).",
+        f"The page is {page.width_mm:.1f} × {page.height_mm:.1f} mm; "
+        + (
+            f"the expected error of its points is {flat.expected_error_mm:.3f} mm (rms)."
+            if report.photo is None
+            else f"its expected error is {UNMEASURED}."
+        ),
     ]
     if page.effective_ppi_median is not None and page.effective_ppi_p10 is not None and page.dpi is not None:
         sentences.append(

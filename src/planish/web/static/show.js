@@ -88,9 +88,9 @@ export function done(job) {
   showSection("done", job.title);
   byId("verdict").textContent = job.verdict[0].toUpperCase() + job.verdict.slice(1);
   byId("verdict").className = `verdict ${job.verdict.replaceAll(" ", "-")}`;
-  byId("reasons").replaceChildren(...(job.reasons.length ? job.reasons : ["Nothing that is known speaks against using this page"]).map((reason) => element("li", sentence(reason))));
+  byId("reasons").replaceChildren(...(job.reasons.length ? job.reasons : ["Nothing that is known speaks against using this page"]).map((reason) => element("li", asSentence(reason))));
   byId("warnings").hidden = job.warnings.length === 0;
-  byId("warnings").querySelector("ul").replaceChildren(...job.warnings.map((warning) => element("li", sentence(warning))));
+  byId("warnings").querySelector("ul").replaceChildren(...job.warnings.map((warning) => element("li", asSentence(warning))));
   byId("preview").replaceChildren(...preview(job));
   const order = Object.keys(FILES);
   const place = (file) => order.indexOf(file.name.replace(/-\d\./, "."));
@@ -101,7 +101,7 @@ export function done(job) {
   byId("expires").textContent = `The results are deleted on ${new Date(job.expires).toLocaleString(undefined, { dateStyle: "medium", timeStyle: "short" })}.`;
 }
 
-function sentence(text) {
+function asSentence(text) {
   const capital = text[0].toUpperCase() + text.slice(1);
   return capital.endsWith(".") ? capital : `${capital}.`;
 }
@@ -133,7 +133,7 @@ function preview(job) {
   return parts;
 }
 
-export function failed(title, sentence) {
+export function failed(title, text) {
   showSection("failed", `${title} could not be restored`);
-  byId("sentence").textContent = sentence;
+  byId("sentence").textContent = asSentence(text);
 }
