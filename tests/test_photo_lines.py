@@ -142,3 +142,22 @@ def test_arabic_is_set_from_right_to_left():
     dark = (page.pixels[..., 0] < 128).any(axis=0)
     assert np.flatnonzero(dark)[[0, -1]] == pytest.approx([0.115 * len(dark), 0.885 * len(dark)], abs=6)
     assert text.startswith("الورق")
+
+
+def test_rules_that_do_not_lie_level_with_the_text_are_left_out():
+    rng, page = np.random.default_rng(5), blank()
+    for y in [*range(120, 420, 40), *range(980, 1300, 40)]:
+        x = 80
+        while x < 800:
+            word = "".join(rng.choice(list("acemnorsuvwxz"), rng.integers(2, 8)))
+            cv2.putText(page, word, (x, y), cv2.FONT_HERSHEY_DUPLEX, 0.7, (35, 35, 35), 2, cv2.LINE_AA)
+            x += cv2.getTextSize(word, cv2.FONT_HERSHEY_DUPLEX, 0.7, 2)[0][0] + 14
+    for y in range(500, 940, 60):  # curves of a chart between two blocks of text
+        across = np.arange(80, 920)
+        curve = np.stack([across, y + 0.12 * (across - 500) + 12 * np.sin(across / 130)], axis=1)
+        cv2.polylines(page, [curve.astype(np.int32)], False, (35, 35, 35), 2, cv2.LINE_AA)
+    lines = lines_of(page)
+    assert lines.rule.sum() >= 6
+    found = find_shape(page, PhotoSettings(shape="text-lines"))
+    assert found.report.lines == (~lines.rule).sum()
+    assert found.report.straightness < 0.05

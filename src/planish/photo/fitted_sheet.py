@@ -24,7 +24,8 @@ PAGE_OF_TEXT = 150
 FAINTLY = 0.1
 """Least weight of a letter in the text's residual, however badly it fits."""
 AGAINST_TEXT = 1.3
-"""Ratio of the text's residual with some sides to that without, from which the sides are no sides of this page."""
+"""Ratio of the text's residual with some sides, or with rules, to that without, from which these are no sides of this
+page, or do not lie level on it."""
 BEYOND_REACH = 0.05
 """Share of the page by which a plain side may lie farther off and be one."""
 ASKEW = 0.02
@@ -226,6 +227,12 @@ def _warp_weights(found: CylinderFit, observations: Observations) -> Floats:
 def text_residual_px(sheet: FittedSheet, lines: TextLines) -> float:
     """Weighted rms distance of letters from their lines after the warp [photo px]."""
     letters = slice(0, len(lines.line))
+    return rms(sheet.warped_residual_px[letters], np.maximum(sheet.cylinder_fit.weight[letters], FAINTLY))
+
+
+def letters_residual_px(sheet: FittedSheet, lines: TextLines) -> float:
+    """The same of letters alone, without the pieces of rules."""
+    letters = np.flatnonzero(~lines.rule[lines.line])
     return rms(sheet.warped_residual_px[letters], np.maximum(sheet.cylinder_fit.weight[letters], FAINTLY))
 
 

@@ -11,9 +11,16 @@ from planish.display.one_line import one_line
 from planish.errors import InputError, UsageError
 from planish.photo.borders import NAMES, Borders, find_borders
 from planish.photo.creases import crease_length
-from planish.photo.fitted_sheet import FittedSheet, from_borders, from_lines
+from planish.photo.fitted_sheet import (
+    AGAINST_TEXT,
+    PAGE_OF_TEXT,
+    FittedSheet,
+    from_borders,
+    from_lines,
+    letters_residual_px,
+)
 from planish.photo.gutter import find_gutter, larger_part, part_of_lines, part_of_region
-from planish.photo.line_grouping import reject_false_lines, without_rule_ends
+from planish.photo.line_grouping import reject_false_lines, select, without_rule_ends
 from planish.photo.lines import TextLines, find_text_lines
 from planish.photo.page_extent import kept_share
 from planish.photo.polynomial import from_polynomials
@@ -145,6 +152,10 @@ def _shape_of(
 ) -> PhotoShape:
     lines = None if s.shape in ("borders", "shading") else part.lines
     sheet = _fit_sheet(photo, s, lines, part.borders, focal, centre)
+    if lines is not None and s.shape != "polynomial" and (text := _page_of_text(lines)) is not None:
+        alone = _fit_sheet(photo, s, text, part.borders, focal, centre)
+        if letters_residual_px(sheet, lines) > AGAINST_TEXT * letters_residual_px(alone, text):
+            sheet, lines = alone, text
     upright, columns = (lines.upright, lines.columns) if lines else (0.0, False)
     scan = make_scan(sheet.cylinder, sheet.warp, photo, _mm_per_unit(sheet, lines, s), icc, upright, columns=columns)
     scale = "paper" if s.paper != "unknown" else "width" if s.width_mm else "unknown"
@@ -153,6 +164,15 @@ def _shape_of(
     if s.shape == "polynomial":
         report = replace(report, shape="polynomial")
     return PhotoShape(scan, report, (*_left_out(part), *warnings), part.side)
+
+
+def _page_of_text(lines: TextLines) -> TextLines | None:
+    """The lines of text, where there are rules beside enough of it to judge whether these are level; else None."""
+    if not lines.rule.any():
+        return None
+    text = select(lines, ~lines.rule)
+    enough = text is not None and len(text.height) >= FEWEST_LINES and len(text.line) >= PAGE_OF_TEXT
+    return replace(text, uprights=()) if text is not None and enough else None
 
 
 def _detect(photo: Pixels, s: PhotoSettings) -> list[_Part]:
