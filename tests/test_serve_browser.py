@@ -171,6 +171,30 @@ def test_one_photo_and_several_are_told_what_they_need(page, tmp_path):
     page.wait_for_selector("#limits:not(:empty)")
 
 
+def test_an_outline_is_of_the_pixels_that_the_program_reads(page, tmp_path):
+    """Of a scan as they are stored, which its texture coordinates are of; of a photo upright."""
+    image = Image.new("RGB", (60, 40))
+    turned = image.getexif()
+    turned[0x0112] = 6  # a quarter turn
+    image.save(tmp_path / "photo.jpg", exif=turned)
+    (tmp_path / "scan.obj").write_text("mtllib scan.mtl\nv 0 0 0\n")
+    (tmp_path / "scan.mtl").write_text("newmtl a\nmap_Kd photo.jpg\n")
+    sent = []
+    page.route("**/api/jobs", lambda route: (sent.append(route.request.post_data_buffer), route.abort()))
+    for files in (["photo.jpg"], ["scan.obj", "scan.mtl", "photo.jpg"]):
+        page.set_input_files("#scan", [tmp_path / name for name in files])
+        page.wait_for_selector("#draw:visible")
+        page.click("#draw")
+        page.wait_for_function("document.getElementById('mark-photo').naturalWidth > 0")
+        page.click("#mark-done")
+        page.click("#send")
+        page.wait_for_selector("#refused:visible")
+        page.reload()
+        page.wait_for_selector("#limits:not(:empty)")
+    page.unroute("**/api/jobs")
+    assert [re.search(rb"\d+x\d+ ", body)[0] for body in sent] == [b"40x60 ", b"60x40 "]
+
+
 def test_a_scan_that_fails_keeps_the_chosen_files_for_another_try(page, tmp_path):
     (tmp_path / "scan.obj").write_text("v 0 0 0 1 0 0\n")
     page.set_input_files("#scan", tmp_path / "scan.obj")

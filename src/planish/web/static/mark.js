@@ -119,6 +119,12 @@ function problem(sentence) {
   byId("mark-problem").hidden = !sentence;
 }
 
+/** Width and height of the photo as it is shown: browsers give those of the upright one, even where it is shown as stored. */
+function shownSize() {
+  const size = [photo.naturalWidth, photo.naturalHeight];
+  return photo.clientWidth > photo.clientHeight === size[0] > size[1] ? size : size.reverse();
+}
+
 function close(result) {
   dialog.close();
   URL.revokeObjectURL(photo.src);
@@ -137,7 +143,7 @@ const side = (k) => Math.hypot(...points[k].map((value, axis) => value - points[
 byId("mark-cancel").addEventListener("click", () => close(null));
 dialog.addEventListener("cancel", (event) => { event.preventDefault(); close(null); });
 byId("mark-done").addEventListener("click", () => {
-  const [width, height] = [photo.naturalWidth, photo.naturalHeight];
+  const [width, height] = shownSize();
   if (!width) return problem("There is no photo to draw on.");
   if (kind === "distance" && !(Number(distance.value) > 0)) return problem("Type the distance of the two places in millimetres.");
   const pixels = points.map(([x, y]) => [Math.round((x * (width - 1)) / 100), Math.round((y * (height - 1)) / 100)]);
