@@ -5,7 +5,7 @@ import { byId, element } from "./show.js";
 const STEP = 1; // percent of the photo that an arrow key moves a corner
 const START = { outline: [[8, 8], [92, 8], [92, 92], [8, 92]], distance: [[30, 50], [70, 50]] };
 const WORDS = {
-  outline: ["The sheet’s outline", "Drag the corners onto those of the sheet, rather a little outside than inside. Tap or click beside the line for one more corner; arrow keys move a corner, Delete removes it."],
+  outline: ["The sheet’s outline", "Drag the corners onto those of the sheet, and along a bent side set several: tap or click beside the line for one more. Arrow keys move a corner, Delete removes it."],
   distance: ["A distance on the sheet", "Drag the two points onto places whose distance along the paper you have measured, as far apart as possible; arrow keys move them."],
 };
 const MOST = 60;
