@@ -5,9 +5,10 @@ BIN    := $(VENV)/bin
 READY  := $(VENV)/.ready
 PYTEST := $(BIN)/python -m pytest -q --numprocesses auto --dist loadfile --no-loadscope-reorder
 SECONDS := 600
+MINUTES := 60
 READERS := obj ply gltf tifxyz images depths captures cameras lasers clouds meshes foreign_cameras usd packed_gltf phone_photos
 
-.PHONY: demo test quick lint bench view fuzz docs site dist wheels-check clean
+.PHONY: demo test quick lint bench view fuzz soak docs site dist wheels-check lowest audit clean
 
 $(READY): pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -45,6 +46,9 @@ fuzz: $(READY)  ## every reader fed with damaged files: two and a half hours (SE
 	$(BIN)/python -m pip install --quiet --group fuzz
 	for reader in $(READERS); do $(BIN)/python fuzz/$$reader.py -max_total_time=$(SECONDS) || exit 1; done
 
+soak: $(READY)  ## an hour of mixed jobs, kills and damaged files, with memory and open files watched (MINUTES=60)
+	$(BIN)/python benchmarks/soak.py --minutes $(MINUTES)
+
 view:  ## the program of the page to look at, anew from its sources (needs node)
 	cd src/planish/view/web && npm ci --ignore-scripts --no-audit --no-fund && npm run check && npm run build
 
@@ -67,5 +71,22 @@ dist: $(READY)  ## the wheel and the source distribution, tried in an environmen
 wheels-check:  ## does every dependency come as a wheel, on Windows, macOS and Linux, for Python 3.11 to 3.13?
 	.ci/check_wheels ocr usd photos packed clouds points web plot
 
+lowest:  ## the quick tests with the oldest versions that pyproject allows, kernels compiled anew
+	$(PYTHON) -m venv $(VENV)-lowest
+	$(VENV)-lowest/bin/python -m pip install --quiet uv
+	$(VENV)-lowest/bin/uv pip install --quiet --python $(VENV)-lowest/bin/python --resolution lowest-direct \
+		--only-binary :all: --group dev --editable .
+	NUMBA_CACHE_DIR=$(VENV)-lowest/kernels $(VENV)-lowest/bin/python -m pytest -q -m "not slow" -p no:warnings
+
+audit:  ## known faults of what an installation brings along, and a list of it (SBOM) in build/
+	$(PYTHON) -m venv $(VENV)-audit
+	$(VENV)-audit/bin/python -m pip install --quiet '.[web,photos,clouds,points,ocr]'
+	$(VENV)-audit/bin/python -m pip freeze --exclude planish > $(VENV)-audit/requirements.txt
+	$(PYTHON) -m venv $(VENV)-audit/tools
+	$(VENV)-audit/tools/bin/python -m pip install --quiet pip-audit cyclonedx-bom
+	mkdir -p build
+	$(VENV)-audit/tools/bin/cyclonedx-py environment $(VENV)-audit/bin/python --output-file build/planish.sbom.json
+	$(VENV)-audit/tools/bin/pip-audit --strict --no-deps --disable-pip --requirement $(VENV)-audit/requirements.txt
+
 clean:
-	rm -rf $(VENV) build dist .pytest_cache .ruff_cache .mypy_cache
+	rm -rf $(VENV) $(VENV)-lowest $(VENV)-audit build dist .pytest_cache .ruff_cache .mypy_cache

@@ -105,7 +105,7 @@ def get_job(id: str, service: ServiceDep) -> JobState:
     return service.job_state(id)
 
 
-@router.delete("/jobs/{id}", status_code=204, responses=problem_responses(403, 404))
+@router.delete("/jobs/{id}", status_code=204, response_model=None, responses=problem_responses(403, 404))
 def delete_job(id: str, service: ServiceDep) -> None:
     """Cancel a job if it runs, and delete all of its files."""
     service.get_row(id)
