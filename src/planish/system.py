@@ -38,6 +38,20 @@ LAST_SIGNALS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP"
 _KILL = getattr(signal, "SIGKILL", signal.SIGTERM)  # on Windows SIGTERM ends a process at once
 
 
+_DEVICES = {"CON", "PRN", "AUX", "NUL", *(f"{port}{number}" for port in ("COM", "LPT") for number in "123456789¹²³")}
+
+
+def is_device_name(name: str) -> bool:
+    """Whether Windows takes a file of this name, in any folder and with any suffix, for a device.
+
+    Examples
+    --------
+    >>> is_device_name("nul.obj"), is_device_name("COM1"), is_device_name("console.obj")
+    (True, True, False)
+    """
+    return name.partition(".")[0].rstrip().upper() in _DEVICES
+
+
 def lock_open_file(descriptor: int, *, wait: bool) -> bool:
     """Lock an open file or folder until it is closed, which the system does however the process ends.
 

@@ -8,11 +8,12 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from hashlib import sha256
-from pathlib import Path, PurePosixPath
+from pathlib import Path, PurePath, PurePosixPath
 
 from planish.errors import InputError
 from planish.io.files import is_tifxyz
 from planish.settings import MESH_SUFFIXES, Units
+from planish.system import is_device_name
 
 IMAGES = {".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp", ".bmp", ".jp2", ".ppm", ".heic", ".avif", ".dng"}
 RESERVED = ("summary.html", "summary.csv", "summary.jsonl")
@@ -112,15 +113,16 @@ def find_items(folder: Path) -> ScanList:
     return ScanList(sorted(_resolve_name_conflicts(named_scans), key=lambda item: item.name), notes, folder)
 
 
-def safe_name(path: Path | str) -> str:
-    """Escape a path so that it is valid on every file system; distinct paths stay distinct.
+def safe_name(path: PurePath | str) -> str:
+    """Escape a relative path so that it is valid on every file system; distinct paths stay distinct.
 
     Examples
     --------
-    >>> safe_name("box 1/a:b."), safe_name("100%")
-    ('box 1/a%3Ab%2E', '100%25')
+    >>> safe_name("box 1/a:b."), safe_name("100%"), safe_name("box 2/aux.left")
+    ('box 1/a%3Ab%2E', '100%25', 'box 2/%61ux.left')
     """
-    return "/".join(_safe_component(part) for part in PurePosixPath(path).parts)
+    parts = path.parts if isinstance(path, PurePath) else PurePosixPath(path).parts
+    return "/".join(_safe_component(part) for part in parts)
 
 
 def conflicting_names(names: Iterable[str]) -> set[str]:
@@ -146,6 +148,8 @@ def _safe_component(part: str) -> str:
         return "".join(f"%{byte:02X}" for byte in os.fsencode(unsafe[0]))
 
     safe = _UNSAFE.sub(percent_encoded, part)
+    if is_device_name(part):
+        safe = f"%{ord(part[0]):02X}{safe[1:]}"
     if len(safe.encode()) <= MAX_NAME_BYTES:
         return safe
     return (

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import csv
 import json
+import os
 from collections.abc import Iterator
-from pathlib import Path, PurePosixPath
+from pathlib import Path, PurePath, PureWindowsPath
 from typing import Any
 
 from planish.batch.items import MAX_NAME_BYTES, RESERVED, Item, ScanList, conflicting_names, safe_name
@@ -112,7 +113,7 @@ def _item(path: Path, line: int, row: dict[str, Any]) -> Item:
     if name:
         _check_name(location, name)
     else:
-        name = _default_name(path, scans[0])
+        name = default_name(path.parent, scans[0])
     return Item(name=name, scan=scans[0], photo=photos, camera=cameras, units=units)
 
 
@@ -121,7 +122,16 @@ def _paths(path: Path, location: str, row: dict[str, Any], column: str) -> tuple
     paths = [part.strip() for part in value.split(";")] if isinstance(value, str) else value or []
     if not isinstance(paths, list) or not all(isinstance(part, str) and "\0" not in part for part in paths):
         raise InputError(f"{location}: {column} is {value!r}; expected a path or a list of paths")
-    return tuple(path.parent / part for part in paths if part)
+    return tuple(_located(path.parent, part) for part in paths if part)
+
+
+def _located(folder: Path, name: str) -> Path:
+    """A file of the list; one that was written on Windows has other separators, which Linux takes for letters."""
+    found = folder / name
+    if "\\" in name and not os.path.lexists(found):
+        other = folder / PureWindowsPath(name).as_posix()
+        found = other if os.path.lexists(other) else found
+    return found
 
 
 def _check_name(location: str, name: Any) -> None:
@@ -134,8 +144,16 @@ def _check_name(location: str, name: Any) -> None:
         )
 
 
-def _default_name(path: Path, scan: Path) -> str:
-    """Name from the path of the scan, relative to the folder of the list if possible."""
-    below = scan.relative_to(path.parent) if scan.is_relative_to(path.parent) else scan
-    parts = [part for part in PurePosixPath(below).with_suffix("").parts if part not in ("/", "..", ".")]
+def default_name(folder: PurePath, scan: PurePath) -> str:
+    r"""Name from the path of the scan, relative to the folder of the list if possible.
+
+    Examples
+    --------
+    >>> default_name(PureWindowsPath(r"D:\lists"), PureWindowsPath(r"D:\lists\box 1\a.obj"))
+    'box 1/a'
+    >>> default_name(Path("/lists"), Path("/scans/box 1/a.obj"))
+    'scans/box 1/a'
+    """
+    below = scan.relative_to(folder) if scan.is_relative_to(folder) else scan
+    parts = [part for part in below.with_suffix("").parts if part not in (below.anchor, "..", ".")]
     return safe_name("/".join(parts) or scan.name)

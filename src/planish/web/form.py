@@ -11,6 +11,7 @@ from python_multipart.exceptions import FormParserError
 from python_multipart.multipart import MultipartParser, parse_options_header
 
 from planish.settings import ServeSettings
+from planish.system import is_device_name
 from planish.web.problems import HTTPProblem
 
 FILE_FIELDS = ("scan", "photo", "camera")
@@ -176,7 +177,11 @@ def plain_name(name: str) -> str:
     """
     name = unicodedata.normalize("NFC", name)
     is_invalid = (
-        not name.isprintable() or any(mark in name for mark in "/\\:") or name.startswith(".") or name != name.strip()
+        not name.isprintable()
+        or any(mark in name for mark in "/\\:")
+        or name.startswith(".")
+        or name != name.strip().rstrip(".")
+        or is_device_name(name)
     )
     if is_invalid or not 0 < len(name.encode("utf-8", "replace")) <= _MAX_NAME_BYTES:
         raise HTTPProblem(422, f"{name[:60]!a} is not a plain file name; rename the file")
