@@ -191,7 +191,8 @@ def scan_page(made: VirtualScan, method: str) -> tuple[Restoration, Where]:
 def photo_page(made: VirtualScan, method: str) -> tuple[Restoration, Where]:
     found = find_shape(made.scan.photo, focal_px=float(made.scan.camera.matrix[0, 0]))
     done = restore(
-        found.scan, RestoreSettings(shading=ShadingSettings(shading=method), render=RenderSettings(dpi="auto"))
+        found.scan,
+        RestoreSettings(shading=ShadingSettings(shading=method), render=RenderSettings(dpi="auto", sharpen=1.0)),
     )
     on_page, on_photo = through(found.scan.photo_xy, done), in_photo(made)
     return done, lambda mm: on_page(on_photo(mm))

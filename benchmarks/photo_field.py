@@ -66,6 +66,7 @@ def cubic(xy: np.ndarray) -> np.ndarray:
 def kept(page: np.ndarray, photo: np.ndarray, outline: np.ndarray) -> float:
     """Share of the outlined sheet that a page shows; nan where the page is not found on the photo."""
     (a, _), (b, scale) = small(page), small(photo)
+    a = cv2.GaussianBlur(a, (0, 0), max(a.shape) / max(b.shape))  # no finer than the photo, or few letters are alike
     sift = cv2.SIFT_create(8000)
     (places, found), (there, wanted) = (sift.detectAndCompute(x, None) for x in (a, b))
     if found is None or wanted is None or len(found) < 2 or len(wanted) < 2:
