@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from importlib import metadata
 
 import numpy as np
 import pytest
@@ -374,3 +375,31 @@ class TestCommandLine:
 
         assert run(["--version"]) == 0
         assert capsys.readouterr().out.strip() == __version__
+
+
+class TestDoctor:
+    def test_it_names_versions_extras_and_what_is_missing(self, capsys, monkeypatch):
+        truly = metadata.version
+
+        def version(name):
+            if name == "numpy":
+                raise metadata.PackageNotFoundError
+            return truly(name)
+
+        monkeypatch.setattr(metadata, "version", version)
+        assert run(["doctor"]) == 0
+        told = dict(line.split(maxsplit=1) for line in capsys.readouterr().out.splitlines())
+        assert told["planish"].startswith(truly("planish"))
+        assert int(told["cores"]) >= 1
+        assert told["compiled"].split()[1:3] == ["kernels", "in"]
+        assert "numpy missing" in told["libraries"]
+        assert f"scipy {truly('scipy')}" in told["libraries"]
+        assert {"[web]", "[photos]", "[ocr]"} <= set(told)
+
+    def test_planish_from_its_sources(self, capsys, monkeypatch):
+        def requires(name):
+            raise metadata.PackageNotFoundError
+
+        monkeypatch.setattr(metadata, "requires", requires)
+        assert run(["doctor"]) == 0
+        assert "without being installed" in capsys.readouterr().out

@@ -34,8 +34,7 @@ def use_writable_kernel_cache(package: Path = Path(__file__).parent) -> Path | N
         The temporary folder; None where none is needed, or where the system has none.
     """
     global made
-    beside = package / "__pycache__"
-    if os.environ.get(VARIABLE) or os.name != "posix" or _is_writable(beside) or _is_writable(_user_cache()):
+    if os.environ.get(VARIABLE) or os.name != "posix" or _numbas_own(package) is not None:
         return None
     try:
         name = f"planish-kernels-{os.getuid()}"
@@ -51,6 +50,18 @@ def use_writable_kernel_cache(package: Path = Path(__file__).parent) -> Path | N
     if "numba" in sys.modules:
         sys.modules["numba"].config.CACHE_DIR = str(folder)
     return folder
+
+
+def kernel_folder(package: Path) -> Path:
+    """The folder in or below which numba keeps the kernels."""
+    return Path(os.environ.get(VARIABLE) or _numbas_own(package) or package)
+
+
+def _numbas_own(package: Path) -> Path | None:
+    """The first of the folders that numba tries by itself which can be written to."""
+    if _is_writable(package / "__pycache__"):
+        return package
+    return cache if _is_writable(cache := _user_cache()) else None
 
 
 def _user_cache() -> Path:

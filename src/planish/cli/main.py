@@ -20,6 +20,7 @@ from planish.cli.app import app
 from planish.cli.batch import batch
 from planish.cli.completion import install_completion
 from planish.cli.demo import demo
+from planish.cli.doctor import doctor
 from planish.cli.flatten import flatten
 from planish.cli.photo import photo
 from planish.cli.restore import restore
@@ -47,6 +48,7 @@ app.command(photo)
 app.command(view)
 app.command(serve)
 app.command(warm_up)
+app.command(doctor)
 app.command(acquire.app)
 app.command(calibrate.app)
 
