@@ -9,7 +9,7 @@ import pytest
 from planish.acquire.points.normals import fit_tangent_planes, orient_normals
 from planish.acquire.points.scan import from_points
 from planish.cli.main import run
-from planish.errors import InputError
+from planish.errors import InputError, install_command
 from planish.gallery import sheet
 from planish.gallery.clouds import photogrammetry_cloud
 from planish.geometry import project
@@ -171,7 +171,7 @@ def test_a_missing_library_is_named(tmp_path, monkeypatch, capfd):
     np.savetxt(tmp_path / "p.xyz", cylinder(1000)[0])
     monkeypatch.setitem(__import__("sys").modules, "skimage.measure", None)
     assert run(["acquire", "points", str(tmp_path / "p.xyz"), "-o", str(tmp_path / "scan.ply"), "-q"]) == 6
-    assert "pip install 'planish[points]'" in capfd.readouterr().err
+    assert install_command("points") in capfd.readouterr().err
 
 
 def test_a_name_that_no_scan_can_have_is_refused_before_any_work(tmp_path, capfd):

@@ -16,7 +16,7 @@ from planish.batch import BatchOptions, Item, batch, find_items
 from planish.batch.items import ScanList
 from planish.batch.row import Row, worst_first
 from planish.batch.summary import write_summary
-from planish.errors import InputError, OutputError, UsageError
+from planish.errors import InputError, OutputError, UsageError, install_command
 from planish.io import write_json
 from planish.job import JobResult, run
 from planish.job.worker import LimitError, WorkerDiedError
@@ -410,4 +410,4 @@ def test_without_the_extra_the_exit_code_is_6(folder, restored, capsys, monkeypa
 
     monkeypatch.setitem(sys.modules, "distributed", None)
     assert command(folder, "--dask", "tcp://localhost:1") == 6
-    assert "pip install 'planish[dask]'" in capsys.readouterr().err
+    assert install_command("dask") in capsys.readouterr().err

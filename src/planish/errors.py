@@ -13,6 +13,11 @@ in braces (see `planish.hints`), which `str` shows as parameters of Python and e
 
 from __future__ import annotations
 
+import re
+import shlex
+import sys
+from pathlib import Path
+
 from planish.hints import Naming, as_parameter, one_sentence, with_hint
 
 
@@ -69,3 +74,27 @@ class MissingExtraError(PlanishError):
     """An optional dependency is needed and not installed."""
 
     exit_code = 6
+
+
+def install_command(extra: str) -> str:
+    """Command that installs what an extra of planish needs, with pip or, where pipx installed planish, with pipx.
+
+    It names the extra's packages: planish itself may come from a folder or a wheel, and no index know its extras.
+
+    Examples
+    --------
+    >>> install_command("ocr")
+    "pip install 'pytesseract>=0.3.13'"
+    """
+    from importlib.metadata import PackageNotFoundError, requires
+
+    try:
+        requirements = requires("planish") or []
+    except PackageNotFoundError:  # planish runs from its sources
+        requirements = []
+    marker = re.compile(rf"extra == ['\"]{extra}['\"]")
+    packages = [one.partition(";")[0].strip() for one in requirements if marker.search(one)]
+    in_pipx = "pipx" in Path(sys.prefix).parts
+    return shlex.join(
+        [*(["pipx", "inject", "planish"] if in_pipx else ["pip", "install"]), *(packages or [f"planish[{extra}]"])]
+    )

@@ -14,7 +14,7 @@ from typing import Any, Protocol
 
 from planish.batch.memory import memory_budget
 from planish.batch.task import Task, TaskResult, run_task
-from planish.errors import InputError, MissingExtraError, OutputError, PlanishError
+from planish.errors import InputError, MissingExtraError, OutputError, PlanishError, install_command
 from planish.system import kill_group, usable_cores
 from planish.version import __version__
 
@@ -147,7 +147,7 @@ def _connect(address: str) -> Any:
         from distributed import Client
     except ImportError:
         raise MissingExtraError(
-            "--dask needs Dask, which is not installed: pip install 'planish[dask]', here and on every worker"
+            f"--dask needs Dask, which is not installed: {install_command('dask')}, here and on every worker"
         ) from None
     try:
         return Client(address, timeout=10, set_as_default=False)

@@ -44,7 +44,7 @@ def serve(
     """
     import os
 
-    from planish.errors import MissingExtraError, UsageError
+    from planish.errors import MissingExtraError, UsageError, install_command
 
     try:
         from planish.web.server import is_loopback, run_server
@@ -52,7 +52,7 @@ def serve(
         if (problem.name or "").startswith("planish"):
             raise
         raise MissingExtraError(
-            f"planish serve needs {problem.name}, which is not installed: pip install 'planish[web]'"
+            f"planish serve needs {problem.name}, which is not installed: {install_command('web')}"
         ) from None
     if not is_loopback(host) and not public:
         raise UsageError(

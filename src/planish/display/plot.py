@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planish.color import to_uint8
-from planish.errors import MissingExtraError, UsageError
+from planish.errors import MissingExtraError, UsageError, install_command
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -104,6 +104,6 @@ def _new_axes(count: int) -> list[Axes]:
     try:
         from matplotlib import pyplot
     except ImportError:
-        raise MissingExtraError("a plot needs the extra: pip install 'planish[plot]'") from None
+        raise MissingExtraError(f"a plot needs the extra: {install_command('plot')}") from None
     _, axes = pyplot.subplots(1, count, figsize=(4.5 * count, 5), layout="constrained", squeeze=False)
     return list(axes[0])

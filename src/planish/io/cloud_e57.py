@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from planish.errors import InputError, MissingExtraError
+from planish.errors import InputError, MissingExtraError, install_command
 from planish.io.filecloud import FileCloud, as_colours, as_grey
 from planish.types import Diagnostic, Pixels
 
@@ -29,7 +29,7 @@ def read_e57(path: Path) -> FileCloud:
     try:
         import pye57
     except ImportError:
-        raise MissingExtraError(f"{path} is an E57; to read it: pip install 'planish[clouds]'") from None
+        raise MissingExtraError(f"{path} is an E57; to read it: {install_command('clouds')}") from None
 
     class SixteenBits(pye57.E57):
         """Reads colours of up to 16 bits; the library's own buffers hold 8."""

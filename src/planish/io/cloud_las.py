@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from planish.errors import InputError, MissingExtraError
+from planish.errors import InputError, MissingExtraError, install_command
 from planish.io.filecloud import FileCloud, as_colours, as_grey
 from planish.memory import check_memory
 
@@ -32,7 +32,7 @@ def read_las(path: Path, data: bytes) -> FileCloud:
     try:
         import laspy
     except ImportError:
-        raise MissingExtraError(f"{path} is a LAS file; to read it: pip install 'planish[clouds]'") from None
+        raise MissingExtraError(f"{path} is a LAS file; to read it: {install_command('clouds')}") from None
     _check_header(path, data)
     try:
         found = laspy.read(io.BytesIO(data))

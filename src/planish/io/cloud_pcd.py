@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from planish.errors import InputError, MissingExtraError
+from planish.errors import InputError, MissingExtraError, install_command
 from planish.io.filecloud import FileCloud, as_colours, as_grey
 from planish.io.units import unit_named_in
 from planish.types import Floats, Pixels
@@ -34,7 +34,7 @@ def read_pcd(path: Path, data: bytes) -> FileCloud:
     try:
         from pypcd4 import PointCloud
     except ImportError:
-        raise MissingExtraError(f"{path} is a PCD; to read it: pip install 'planish[clouds]'") from None
+        raise MissingExtraError(f"{path} is a PCD; to read it: {install_command('clouds')}") from None
     try:
         with python_warnings.catch_warnings():
             python_warnings.simplefilter("ignore")

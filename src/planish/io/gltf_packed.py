@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from planish.errors import InputError, MissingExtraError
+from planish.errors import InputError, MissingExtraError, install_command
 
 
 def unpack_draco(path: Path, data: bytes, attributes: dict[str, Any]) -> tuple[NDArray[np.int64], dict[str, NDArray]]:
@@ -32,7 +32,7 @@ def unpack_draco(path: Path, data: bytes, attributes: dict[str, Any]) -> tuple[N
     try:
         import DracoPy
     except ImportError:
-        raise MissingExtraError(f"{path} is packed with Draco; to read it: pip install 'planish[packed]'") from None
+        raise MissingExtraError(f"{path} is packed with Draco; to read it: {install_command('packed')}") from None
     try:
         found = DracoPy.decode(data)
         triangles = np.asarray(found.faces, np.int64).reshape(-1, 3)
@@ -70,7 +70,7 @@ def unpack_meshopt(path: Path, data: bytes, count: int, stride: int, mode: str, 
     try:
         import meshoptimizer
     except ImportError:
-        raise MissingExtraError(f"{path} is packed with meshopt; to read it: pip install 'planish[meshopt]'") from None
+        raise MissingExtraError(f"{path} is packed with meshopt; to read it: {install_command('meshopt')}") from None
     filters = {
         "OCTAHEDRAL": meshoptimizer.decode_filter_oct,
         "QUATERNION": meshoptimizer.decode_filter_quat,

@@ -7,7 +7,7 @@ from typing import Any
 from PIL import Image
 
 from planish.color import to_grey
-from planish.errors import MissingExtraError, OutputError, UsageError
+from planish.errors import MissingExtraError, OutputError, UsageError, install_command
 from planish.types import Page
 
 SURE_OF_WAY = 5.0
@@ -82,7 +82,7 @@ def _tesseract() -> Any:
     try:
         import pytesseract
     except ImportError:
-        raise MissingExtraError("reading text needs the extra: pip install 'planish[ocr]'") from None
+        raise MissingExtraError(f"reading text needs the extra: {install_command('ocr')}") from None
     try:
         pytesseract.get_tesseract_version()
     except pytesseract.TesseractNotFoundError:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from planish.errors import InputError, MissingExtraError
+from planish.errors import InputError, MissingExtraError, install_command
 from planish.memory import check_memory
 
 _OTHERS = {
@@ -87,7 +87,7 @@ def _by_heif(name: str, data: bytes, kind: OtherPhoto) -> tuple[NDArray, bytes |
         import pillow_heif
     except ImportError:
         raise MissingExtraError(
-            f"{name} is {kind.said}; to read it: pip install 'planish[photos]', or save it as JPEG"
+            f"{name} is {kind.said}; to read it: {install_command('photos')}, or save it as JPEG"
         ) from None
     try:
         file = pillow_heif.open_heif(data, convert_hdr_to_8bit=False)
@@ -108,7 +108,7 @@ def _by_rawpy(name: str, data: bytes, kind: OtherPhoto) -> tuple[NDArray, bytes 
         import rawpy
     except ImportError:
         raise MissingExtraError(
-            f"{name} is {kind.said}; to develop it: pip install 'planish[photos]', or save it as TIFF or JPEG"
+            f"{name} is {kind.said}; to develop it: {install_command('photos')}, or save it as TIFF or JPEG"
         ) from None
     try:
         with rawpy.imread(io.BytesIO(data)) as raw:

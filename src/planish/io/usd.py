@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from planish.errors import InputError, MissingExtraError
+from planish.errors import InputError, MissingExtraError, install_command
 from planish.io.filemesh import FileMesh
 from planish.io.scene import Part, joined
 from planish.io.suppress_stderr import suppress_stderr
@@ -31,7 +31,7 @@ def read_usd(path: Path, data: bytes, inside: Path | None = None) -> FileMesh:
     try:
         from pxr import Tf, Usd, UsdGeom, UsdShade
     except ImportError:
-        raise MissingExtraError(f"{path} is a USD file; to read it: pip install 'planish[usd]'") from None
+        raise MissingExtraError(f"{path} is a USD file; to read it: {install_command('usd')}") from None
     archive = Zip(path, data) if data.startswith(b"PK") else None
     suffix = ".usdz" if archive else ".usdc" if data.startswith(b"PXR-USDC") else ".usda"
     with (

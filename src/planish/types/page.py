@@ -11,7 +11,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from planish.display.html import as_image, html_picture, html_table, small_jpeg, small_png
 from planish.dpi import MM_PER_INCH
-from planish.errors import MissingExtraError
+from planish.errors import MissingExtraError, install_command
 from planish.types.arrays import Bools, Pixels, freeze, frozen_copy, trusted
 from planish.types.prepared import PreparedScan
 from planish.types.report import Report
@@ -90,7 +90,7 @@ class Page:
         try:
             from xarray import DataArray
         except ImportError:
-            raise MissingExtraError("a page as an xarray needs the extra: pip install 'planish[xarray]'") from None
+            raise MissingExtraError(f"a page as an xarray needs the extra: {install_command('xarray')}") from None
 
         # the centre of the pixel in column c lies c + 1/2 pixels from the left side
         y, x = ((np.arange(n) + 0.5) * MM_PER_INCH / self.dpi for n in self.known.shape)

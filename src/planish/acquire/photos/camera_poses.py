@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from planish.acquire.photos.features import Features, find_features
 from planish.display.one_line import one_line
-from planish.errors import InputError, MissingExtraError
+from planish.errors import InputError, MissingExtraError, install_command
 from planish.geometry import camera_position
 from planish.types import Camera, Floats
 
@@ -117,7 +117,7 @@ def import_pycolmap() -> Any:
             import pycolmap
     except ImportError:
         raise MissingExtraError(
-            "finding where photos were taken needs pycolmap: pip install 'planish[photos]'"
+            f"finding where photos were taken needs pycolmap: {install_command('photos')}"
         ) from None
     return pycolmap
 

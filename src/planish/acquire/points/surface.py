@@ -10,7 +10,7 @@ import numpy as np
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
-from planish.errors import InputError, MissingExtraError
+from planish.errors import InputError, MissingExtraError, install_command
 from planish.geometry.guards import normalize
 from planish.mesh import without_small_components
 from planish.types import Bools, Floats, Ints, Mesh
@@ -111,7 +111,7 @@ def import_marching_cubes():  # type: ignore[no-untyped-def]
     try:
         from skimage.measure import marching_cubes
     except ImportError:
-        raise MissingExtraError("meshing points needs scikit-image: pip install 'planish[points]'") from None
+        raise MissingExtraError(f"meshing points needs scikit-image: {install_command('points')}") from None
     return marching_cubes
 
 
