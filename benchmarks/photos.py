@@ -51,6 +51,9 @@ from planish.geometry.rigid_fit import fit_rigid, fit_similarity
 from planish.io import way_up, write_json, write_page
 from planish.job.photo_sheet import shape_of_several
 from planish.mesh import area_vectors, rasterize
+from planish.pipeline.flatten import flatten_prepared
+from planish.pipeline.orient import orient_by_shape
+from planish.pipeline.prepare import prepare
 from planish.settings import (
     BinarizeSettings,
     PhotoSettings,
@@ -58,7 +61,7 @@ from planish.settings import (
     RestoreSettings,
     ShadingSettings,
 )
-from planish.types import Camera
+from planish.types import Camera, Floats, Mesh, Scan
 from truth import read_text
 
 SHEETS = ("flat", "book", "spread", "letter", "wave", "curl", "crumpled", "miura")
@@ -79,7 +82,7 @@ class Run:
     report: dict
     rms_mm: float
     p95_mm: float
-    area_mm2: float
+    by_paper_mm: Floats
     seconds: float
     processor_seconds: float
     gigabytes: float
@@ -116,8 +119,9 @@ def run(photos: list[Path], shoot: PhotoShoot) -> Run:
     off = page_error(shoot, found)
     rms, p95 = float(np.sqrt(np.mean(off**2))), float(np.quantile(off, 0.95))
     processors = usage.ru_utime + usage.ru_stime
-    area = float(found["area_mm2"])
-    return Run(folder / "page.png", report, rms, p95, area, seconds, processors, usage.ru_maxrss / 1e6)
+    return Run(
+        folder / "page.png", report, rms, p95, size_by_paper(shoot, found), seconds, processors, usage.ru_maxrss / 1e6
+    )
 
 
 def restore_folder(folder: Path) -> None:
@@ -138,7 +142,7 @@ def restore_folder(folder: Path) -> None:
     np.savez(
         folder / "scan.npz",
         points=scan.mesh.points,
-        area_mm2=np.linalg.norm(area_vectors(scan.mesh.points, scan.mesh.faces), axis=1).sum(),
+        faces=scan.mesh.faces,
         page_xy=restoration.flattening.page_xy,
         eyes=[eye(camera) for _, camera in views],
         thumbnails=[thumbnail(photo) for photo, _ in views],
@@ -159,6 +163,15 @@ def page_error(shoot: PhotoShoot, found: Mapping[str, np.ndarray]) -> np.ndarray
     a, b = found["page_xy"][on_sheet], true_xy[on_sheet]
     turn, moved = fit_rigid(a, b)
     return np.linalg.norm(a @ turn.T + moved - b, axis=1)
+
+
+def size_by_paper(shoot: PhotoShoot, found: Mapping[str, np.ndarray]) -> Floats:
+    """Width and height of the page [mm] with the scan as large as the paper, as `planish photo --paper` makes it."""
+    paper = shoot.sheet.width_mm, shoot.sheet.height_mm
+    area = np.linalg.norm(area_vectors(found["points"], found["faces"]), axis=1).sum()
+    points = found["points"] * np.sqrt(paper[0] * paper[1] / area)
+    prepared, flat = flatten_prepared(prepare(Scan(Mesh(points, found["faces"]), paper_mm=paper)))
+    return np.array(orient_by_shape(prepared, flat, RestoreSettings()).size_mm)
 
 
 def eye(camera: Camera) -> np.ndarray:
@@ -187,14 +200,12 @@ def seen_share(shoot: PhotoShoot) -> float:
 
 
 def size_off(made: Run, shoot: PhotoShoot) -> str:
-    """Width and height beside the true ones [%], whichever way up the page is: by the card / by the paper's area."""
-    true = shoot.sheet.width_mm, shoot.sheet.height_mm
-    found = made.report["page"]["width_mm"], made.report["page"]["height_mm"]
-    if (true[0] > true[1]) != (found[0] > found[1]):
-        found = found[::-1]
-    by_paper = np.sqrt(true[0] * true[1] / made.area_mm2)
-    width, height = (f / t for f, t in zip(found, true, strict=True))
-    return " / ".join(f"{100 * (s * width - 1):+.2f}, {100 * (s * height - 1):+.2f}" for s in (1.0, by_paper))
+    """Width and height beside the true ones [%], whichever way up the page is: by the card / by the paper."""
+    true = sorted((shoot.sheet.width_mm, shoot.sheet.height_mm))
+    page = made.report["page"]
+    pairs = [100 * (np.sort(size) / true - 1) for size in ((page["width_mm"], page["height_mm"]), made.by_paper_mm)]
+    pairs = [pair if shoot.sheet.width_mm < shoot.sheet.height_mm else pair[::-1] for pair in pairs]
+    return " / ".join(f"{width:+.2f}, {height:+.2f}" for width, height in pairs)
 
 
 def missing(page: Path, shoot: PhotoShoot, folder: Path) -> float:

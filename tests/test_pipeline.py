@@ -115,6 +115,19 @@ def test_a_scan_without_photo_gives_the_geometry(book):
     assert done.report.page.width_mm == pytest.approx(book.sheet.width_mm, rel=0.003)
 
 
+def test_a_page_nearly_as_large_as_its_paper_is_as_large(book, restored):
+    size = restored.flattening.size_mm
+    for paper in ((size[0] - 0.3, size[1] - 0.4), (size[1] + 0.2, size[0] - 0.1)):  # given upright and lying
+        done = planish.restore(replace(book.scan, paper_mm=paper), DRAFT)
+        assert sorted(done.flattening.size_mm) == sorted(paper)
+        shift = done.flattening.page_xy - restored.flattening.page_xy
+        beyond = np.subtract(size, done.flattening.size_mm)  # half of it on each side; nothing is scaled
+        np.testing.assert_allclose(shift, np.broadcast_to(-beyond / 2, shift.shape), atol=1e-9)
+        assert done.rendered.pixels.shape[:2] == tuple(round(s / 25.4 * 100) for s in done.flattening.size_mm[::-1])
+    other = planish.restore(replace(book.scan, paper_mm=(size[0] - 3, size[1])), DRAFT)
+    assert other.flattening.size_mm == size
+
+
 def test_binarizing_can_be_left_out(book):
     plain = RestoreSettings(render=RenderSettings(dpi=50.0), binarize=BinarizeSettings(binarize="none"))
     assert planish.restore(book.scan, plain).binary is None

@@ -132,7 +132,8 @@ def draw_page(
     with stage("turn"):
         views = photo_views(sheet, flat.page_xy, flat.size_mm)
         if s.rotate == "auto":
-            flat, views = orient_by_text(flat, views, read_orientation, prepared.source.upright, sheet.icc)
+            source = prepared.source
+            flat, views = orient_by_text(flat, views, read_orientation, source.upright, sheet.icc, source.paper_mm)
     render_settings, warnings = bounded_dpi(s.render, flat.size_mm, max(view.resolution.median_ppi for view in views))
     with stage("render"):
         rendered = render_page(views, flat.size_mm, render_settings, sheet.icc)

@@ -182,6 +182,9 @@ class Scan:
         Where the scanner's rays come from, if it is known that its errors lie along them.
     sheet : (h, w) bool or None
         Where `photo` shows the sheet, of its size or proportions; faces elsewhere are left out.
+    paper_mm : (float, float) or None
+        Sides of the paper, where its format is known and the mesh has its size: a page that is as large, but for the
+        raggedness of a measured outline, is exactly so large.
     """
 
     mesh: Mesh
@@ -196,6 +199,7 @@ class Scan:
     colours: Pixels | None = None
     viewpoint: Floats | None = None
     sheet: Bools | None = None
+    paper_mm: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.mesh, Mesh):

@@ -191,9 +191,11 @@ def from_photos(
     warnings += _notes(report, papers, unplaced)
     marked = _marked(mesh, photos, poses.cameras)
     found = PhotosScan(AcquiredScan(scan, measured, error, tuple(warnings)), views, report, marked)
-    if s.paper != "unknown":
-        return found.scaled(float(np.sqrt(np.prod(PAPERS_MM[s.paper]) / _area(mesh))), "paper", PAPER_ERROR)
-    return found
+    if s.paper == "unknown":
+        return found
+    paper = PAPERS_MM[s.paper]
+    found = replace(found, acquired=replace(found.acquired, scan=replace(scan, paper_mm=paper)))
+    return found.scaled(float(np.sqrt(np.prod(paper) / _area(mesh))), "paper", PAPER_ERROR)
 
 
 def _landscape(
