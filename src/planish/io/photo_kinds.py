@@ -93,7 +93,7 @@ def _by_heif(name: str, data: bytes, kind: OtherPhoto) -> tuple[NDArray, bytes |
         file = pillow_heif.open_heif(data, convert_hdr_to_8bit=False)
         width, height = file.size
         check_memory(8.0 * width * height, f"{name} with its {width * height / 1e6:.0f} megapixels", "make it smaller")
-        pixels = np.asarray(file)
+        pixels = np.array(file)  # a copy: what it shows is the file's own memory
     except InputError:
         raise
     except Exception as problem:  # whatever the library raises on damaged files
