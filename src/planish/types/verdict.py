@@ -40,6 +40,7 @@ ASK_FOR_A_LOOK = SCALE_GUESSED | {
     *("surroundings-doubtful", "sheets-several", "box-face", "hand-left-out", "page-size-changed"),
     *("split-in-middle", "split-crosses-print", "sheet-folded", "sides-bent", "lines-crooked"),
     *("sheet-cut", "page-incomplete", "page-extrapolated", "sheet-not-found", "sheet-outline-doubtful"),
+    "page-not-made",
     *("photos-missing", "photos-from-one-side", "little-measured", "unlike-paper", "bends-bridged"),
     *("scan-size-unusual", "depth-direction", "depth-mirrored"),
 }
