@@ -1,6 +1,7 @@
 """What the library takes and refuses: meshes, scans and their arrays; and what it gives back."""
 
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -30,7 +31,53 @@ class Trimesh:
         self.vertices, self.faces = points, faces
 
 
+class Open3D:
+    """As Open3D's TriangleMesh has it."""
+
+    def __init__(self, points, faces):
+        self.vertices, self.triangles = points, faces
+
+
+class Tensor:
+    """As Open3D's tensors have it: no array until asked."""
+
+    def __init__(self, values):
+        self.values = values
+
+    def numpy(self):
+        return self.values
+
+
+class Open3DTensors:
+    """As Open3D's t.geometry.TriangleMesh has it."""
+
+    def __init__(self, points, faces):
+        self.vertex = SimpleNamespace(positions=Tensor(points))
+        self.triangle = SimpleNamespace(indices=Tensor(faces))
+
+
+class PyVista:
+    """As PyVista's PolyData has it: each face begins with the number of its corners."""
+
+    def __init__(self, points, faces):
+        self.points, self.faces = points, np.insert(faces, 0, faces.shape[1], axis=1).ravel()
+
+
 class TestMesh:
+    @pytest.mark.parametrize("library", [Trimesh, Open3D, Open3DTensors, PyVista])
+    def test_meshes_of_other_libraries_are_taken(self, library):
+        mesh = Mesh(library(POINTS, FACES))
+        assert np.array_equal(mesh.points, POINTS)
+        assert np.array_equal(mesh.faces, FACES)
+
+    def test_faces_of_pyvista_that_are_no_triangles_are_refused(self):
+        points, faces = quads()
+        mixed = PyVista(points, faces[:, :3])
+        mixed.faces = np.r_[mixed.faces, 4, faces[0]]
+        for given in (PyVista(points, faces), mixed):
+            with pytest.raises(InputError, match=r"no triangles; triangles are wanted; call mesh.triangulate\(\)"):
+                Mesh(given)
+
     @pytest.mark.parametrize("kind", [np.float64, np.float32, np.int64, np.int16])
     @pytest.mark.parametrize("index", [np.int32, np.int64, np.uint32, np.uint64])
     def test_real_points_and_whole_faces_are_taken(self, kind, index):

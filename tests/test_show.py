@@ -2,7 +2,7 @@
 
 import sys
 from base64 import b64decode
-from io import BytesIO
+from io import BytesIO, StringIO
 
 import numpy as np
 import pytest
@@ -119,3 +119,20 @@ class TestNotebook:
         assert len(repr(done)) < 200
         assert repr(done.binary).startswith(f"Page({done.binary.pixels.shape[1]} x ")
         assert " px of bool, 300 dpi, " in repr(done.binary)
+
+
+def test_the_progress_bar_names_the_stage_in_a_terminal_and_leaves_logs_alone():
+    from rich.console import Console
+
+    import planish
+
+    drawn = {}
+    for terminal in (True, False):
+        file = StringIO()
+        with planish.progress_bar(Console(file=file, force_terminal=terminal, width=100)) as progress:
+            progress("flatten", 0.5)
+            progress("turn", 1.0)
+        drawn[terminal] = file.getvalue()
+    assert "Orienting the page" in drawn[True]
+    assert "100%" in drawn[True]
+    assert drawn[False] == ""

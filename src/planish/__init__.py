@@ -19,6 +19,7 @@ from planish.version import __version__ as __version__
 
 if TYPE_CHECKING:
     from planish import gallery, photo
+    from planish.display.progress import progress_bar
     from planish.document import split_pages
     from planish.errors import InputError, OutputError, PlanishError, UsageError
     from planish.io import (
@@ -50,6 +51,7 @@ _WHERE = {
     ),
     **dict.fromkeys(("flatten", "restore"), "planish.pipeline"),
     "split_pages": "planish.document",
+    "progress_bar": "planish.display.progress",
     **dict.fromkeys(("FlattenSettings", "RenderSettings", "RestoreSettings"), "planish.settings"),
     **dict.fromkeys(
         ("Camera", "Flattening", "Mesh", "Outcome", "Page", "Report", "Restoration", "Scan"), "planish.types"
@@ -75,6 +77,7 @@ __all__ = [
     "flatten",
     "gallery",
     "photo",
+    "progress_bar",
     "read_camera",
     "read_photo",
     "read_scan",

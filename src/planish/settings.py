@@ -10,6 +10,7 @@ import re
 from dataclasses import dataclass, field
 from typing import Literal
 
+from planish.choices import CheckedSettings
 from planish.dpi import MM_PER_INCH
 from planish.errors import UsageError
 
@@ -74,7 +75,7 @@ def mm_per_unit(unit: str) -> float:
 
 
 @dataclass(frozen=True, kw_only=True)
-class VerletSettings:
+class VerletSettings(CheckedSettings):
     """The paper's particle simulation (Verlet integration).
 
     Attributes
@@ -107,14 +108,12 @@ class VerletSettings:
     thickness_mm: float = 0.2
 
     def __post_init__(self) -> None:
-        for name in ("time_step", "gravity", "rounds", "max_steps", "tolerance", "thickness_mm"):
-            value = getattr(self, name)
-            if not value > 0:
-                raise UsageError(f"{name} must be greater than 0, not {value}")
+        super().__post_init__()
+        self.above_zero("time_step", "gravity", "rounds", "max_steps", "tolerance", "thickness_mm")
 
 
 @dataclass(frozen=True, kw_only=True)
-class MultigridSettings:
+class MultigridSettings(CheckedSettings):
     """The stick solver with multigrid preconditioner, for all points.
 
     Attributes
@@ -131,14 +130,12 @@ class MultigridSettings:
     max_steps: int = 100
 
     def __post_init__(self) -> None:
-        for name in ("tolerance", "max_steps"):
-            value = getattr(self, name)
-            if not value > 0:
-                raise UsageError(f"{name} must be greater than 0, not {value}")
+        super().__post_init__()
+        self.above_zero("tolerance", "max_steps")
 
 
 @dataclass(frozen=True, kw_only=True)
-class MassSpringSettings:
+class MassSpringSettings(CheckedSettings):
     """The mass-spring system of Brown & Seales on a regular quad mesh, for comparison.
 
     The unit of length is the median spring; with the default gravity a free mass falls 4.9 springs in the first unit
@@ -180,10 +177,8 @@ class MassSpringSettings:
     tolerance: float = 1e-3
 
     def __post_init__(self) -> None:
-        for name in ("time_step", "stiffness", "mass", "gravity", "max_steps", "tolerance"):
-            value = getattr(self, name)
-            if not value > 0:
-                raise UsageError(f"{name} must be greater than 0, not {value}")
+        super().__post_init__()
+        self.above_zero("time_step", "stiffness", "mass", "gravity", "max_steps", "tolerance")
         for name in ("damping", "drag"):
             value = getattr(self, name)
             if not value >= 0:
@@ -193,7 +188,7 @@ class MassSpringSettings:
 
 
 @dataclass(frozen=True, kw_only=True)
-class FlattenSettings:
+class FlattenSettings(CheckedSettings):
     """Flattening of the mesh.
 
     Attributes
@@ -221,12 +216,13 @@ class FlattenSettings:
     mass_spring: MassSpringSettings = field(default_factory=MassSpringSettings)
 
     def __post_init__(self) -> None:
-        if isinstance(self.points, int) and self.points < 3:
+        super().__post_init__()
+        if not isinstance(self.points, str) and self.points < 3:
             raise UsageError(f"points must be at least 3, all or auto, not {self.points}")
 
 
 @dataclass(frozen=True, kw_only=True)
-class RenderSettings:
+class RenderSettings(CheckedSettings):
     """Rendering of the page.
 
     Attributes
@@ -242,6 +238,7 @@ class RenderSettings:
     sharpen: float = 0.0
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if not 0 <= self.sharpen <= 10:
             raise UsageError(f"sharpen must be between 0 and 10, not {self.sharpen}")
         if self.dpi != "auto" and not 1 <= self.dpi <= 10_000:
@@ -249,7 +246,7 @@ class RenderSettings:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ShadingSettings:
+class ShadingSettings(CheckedSettings):
     """Removal of shading from the page.
 
     Attributes
@@ -264,7 +261,7 @@ class ShadingSettings:
 
 
 @dataclass(frozen=True, kw_only=True)
-class BinarizeSettings:
+class BinarizeSettings(CheckedSettings):
     """Binarization of the page.
 
     Attributes
@@ -284,6 +281,7 @@ class BinarizeSettings:
     k: float | Literal["auto"] = "auto"
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if not 0.1 <= self.window_mm <= 1000:
             raise UsageError(f"window_mm must be between 0.1 and 1000, not {self.window_mm}")
         if self.k != "auto" and not 0 < self.k < 1:
@@ -291,7 +289,7 @@ class BinarizeSettings:
 
 
 @dataclass(frozen=True, kw_only=True)
-class RestoreSettings:
+class RestoreSettings(CheckedSettings):
     """Settings of the whole pipeline.
 
     Attributes
@@ -320,7 +318,7 @@ class RestoreSettings:
 
 
 @dataclass(frozen=True, kw_only=True)
-class PhotoSettings:
+class PhotoSettings(CheckedSettings):
     """Estimation of shape and size of a sheet from its photos.
 
     Attributes
@@ -355,6 +353,7 @@ class PhotoSettings:
     between: tuple[str, float, float, float, float] | None = None
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if self.width_mm is not None and not 1 <= self.width_mm <= 10_000:
             raise UsageError(f"width_mm must be between 1 and 10000, not {self.width_mm}")
         if self.marker_mm is not None and not 1 <= self.marker_mm <= 1000:
@@ -373,7 +372,7 @@ class PhotoSettings:
 
 
 @dataclass(frozen=True, kw_only=True)
-class BatchFiles:
+class BatchFiles(CheckedSettings):
     """Output files of every item of a batch, in addition to report.json, item.json and preview.jpg.
 
     Attributes
@@ -401,7 +400,7 @@ class BatchFiles:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ServeSettings:
+class ServeSettings(CheckedSettings):
     """Limits of the web service.
 
     Attributes
@@ -440,6 +439,5 @@ class ServeSettings:
     keep_hours: float = 24.0
 
     def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            if not 0 < value < float("inf"):
-                raise UsageError(f"{name} must be greater than 0, not {value}")
+        super().__post_init__()
+        self.above_zero(*vars(self))

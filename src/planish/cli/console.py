@@ -7,36 +7,11 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
 from planish import kernel_cache
+from planish.display import progress as display
 from planish.hints import as_flag
 from planish.types import Diagnostic, Report
-
-STAGE_LABELS = {
-    "read": "Reading",
-    "scan": "Scanning the sheet",
-    "laser": "Detecting the laser",
-    "acquire": "Reconstructing the scan",
-    "calibrate": "Calibrating",
-    "shape": "Estimating the sheet's shape",
-    "compile": "Compiling",
-    "clean": "Repairing the mesh",
-    "flatten": "Flattening",
-    "turn": "Orienting the page",
-    "render": "Rendering the page",
-    "split": "Splitting the pages",
-    "unshade": "Removing the shading",
-    "sharpen": "Sharpening",
-    "binarize": "Binarizing",
-    "measure": "Measuring",
-    "text": "Recognizing text",
-    "write": "Writing",
-    "look": "Writing the HTML page",
-}
-
-NOTE_COMPILE_SECONDS = 5.0
-"""Seconds of compilation from which on a note is printed."""
 
 
 @contextmanager
@@ -59,31 +34,8 @@ def progress_bar(*, quiet: bool) -> Iterator[Callable[[str, float], None]]:
     if quiet or not sys.stderr.isatty():
         yield lambda name, share: None
         return
-    from numba.core.event import TimingListener, install_listener
-
-    class Compiling(TimingListener):
-        """Notified by numba when it compiles a kernel; on the first run this takes about a minute in total."""
-
-        def on_start(self, event: object) -> None:
-            super().on_start(event)
-            display.update(task, description=f"{stage} (compiling, on the first run only)")
-
-    stage = ""
-    columns = (TextColumn("{task.description:<22}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
-    console = Console(stderr=True, highlight=False, soft_wrap=True)
-    compiling = Compiling()
-    display = Progress(*columns, console=console, transient=True, redirect_stdout=False, redirect_stderr=False)
-    with display, install_listener("numba:compile", compiling):
-        task = display.add_task("", total=1.0)
-
-        def progress(name: str, share: float) -> None:
-            nonlocal stage
-            stage = STAGE_LABELS.get(name, name)
-            display.update(task, description=stage, completed=share)
-
+    with display.progress_bar(Console(stderr=True, highlight=False, soft_wrap=True)) as progress:
         yield progress
-    if compiling.done and compiling.duration > NOTE_COMPILE_SECONDS:
-        console.print(f"planish: note: compiling took {compiling.duration:.0f} s of this, which happens only once")
 
 
 class EarlyNotes:

@@ -8,12 +8,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import fields, is_dataclass
-from math import isfinite
-from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
+from typing import Any, TypeVar, get_type_hints
 
 import msgspec
 
+from planish.choices import WrongChoice, describe_type
 from planish.errors import UsageError
 
 T = TypeVar("T")
@@ -69,13 +68,13 @@ def decode_settings(kind: type[T], values: object, *, from_strings: bool = False
     planish.job.settings_codec.SettingsError: render.dpi is 'fine'; expected a number or auto
     """
     try:
-        settings = msgspec.convert(values, kind, strict=not from_strings, from_attributes=True)
+        return msgspec.convert(values, kind, strict=not from_strings, from_attributes=True)
     except msgspec.ValidationError as problem:
+        if isinstance(problem.__cause__, WrongChoice):
+            raise SettingsError((*_path(problem), problem.__cause__.name), problem.__cause__.reason) from None
         if isinstance(problem.__cause__, UsageError):  # raised by a dataclass, and wrapped if it is a ValueError
             raise problem.__cause__ from None
-        raise _settings_error(str(problem), kind, values) from None
-    _check_finite(settings, ())
-    return settings
+        raise _settings_error(_path(problem), kind, values) from None
 
 
 def json_schema(kind: Any) -> dict[str, Any]:
@@ -89,38 +88,15 @@ def json_schema(kind: Any) -> dict[str, Any]:
     return msgspec.json.schema(kind)
 
 
-def describe_type(kind: Any) -> str:
-    """Values that a setting accepts, in words.
-
-    Examples
-    --------
-    >>> describe_type(float | Literal["auto"])
-    'a number or auto'
-    """
-    if get_origin(kind) is Literal:
-        return " or ".join(get_args(kind))
-    if get_origin(kind) is tuple:
-        return describe_type(get_args(kind)[0])
-    names = {int: "an integer", float: "a number", bool: "true or false", str: "a text"}
-    if kind in names:
-        return names[kind]
-    return " or ".join(describe_type(one) for one in get_args(kind)) or "an object with settings"
+def _path(problem: msgspec.ValidationError) -> tuple[str, ...]:
+    """Path of the field that a message of msgspec ends in: "... - at `$.render.dpi`"."""
+    message = str(problem)
+    return tuple(re.findall(r"\.(\w+)", message.rpartition(" - at `$")[2])) if " - at `$" in message else ()
 
 
-def _settings_error(message: str, kind: Any, values: object) -> SettingsError:
-    """Convert a message of msgspec, which ends in the path of the field: "... - at `$.render.dpi`"."""
-    path = tuple(re.findall(r"\.(\w+)", message.rpartition(" - at `$")[2])) if " - at `$" in message else ()
+def _settings_error(path: tuple[str, ...], kind: Any, values: object) -> SettingsError:
     for name in path:
         kind = get_type_hints(kind)[name]
         values = values.get(name) if isinstance(values, Mapping) else getattr(values, name, None)
     text = ascii(values)
     return SettingsError(path, f"is {text if len(text) <= 64 else text[:60] + '...'}; expected {describe_type(kind)}")
-
-
-def _check_finite(settings: Any, path: tuple[str, ...]) -> None:
-    for field in fields(settings):
-        value, here = getattr(settings, field.name), (*path, field.name)
-        if is_dataclass(value):
-            _check_finite(value, here)
-        elif isinstance(value, float) and not isfinite(value):
-            raise SettingsError(here, f"is {value}; expected a finite number")

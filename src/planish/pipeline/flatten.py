@@ -8,6 +8,7 @@ from typing import Any, get_args
 
 import numpy as np
 
+from planish.choices import chosen
 from planish.errors import UsageError
 from planish.flattening import flatten as solve
 from planish.mesh import to_file_order
@@ -33,13 +34,14 @@ def flatten(
     *,
     units: Unit = "mm",
     viewpoint: Any = None,
+    **choices: Any,
 ) -> Flattening:
     """Flatten a mesh: the geometry alone, from plain arrays.
 
     Parameters
     ----------
     points : (n, 3) array_like
-        Or the whole mesh: a `Mesh`, or any object with `vertices` and `faces`, such as a trimesh.Trimesh.
+        Or the whole mesh: a `Mesh`, or a mesh of trimesh, Open3D or PyVista (see `Mesh`).
     faces : (m, 3) array_like of int, optional
         Rows of `points`, counter-clockwise seen from the printed side.
     settings : FlattenSettings, optional
@@ -50,6 +52,10 @@ def flatten(
     viewpoint : (3,) array_like, optional
         In the same unit. Where the scanner's rays come from: its errors are taken out along them. Range images that
         keep their order of points, row by row, show it by themselves.
+    **choices
+        Settings by name, in place of `settings` or on top of them: `method="verlet"`, `lengths="straight"`,
+        `verlet={"rounds": 10}`. How many points are solved is a choice of `FlattenSettings` alone, since `points` is
+        the mesh here.
 
     Returns
     -------
@@ -61,7 +67,7 @@ def flatten(
     InputError
         Where the arrays are no mesh (see `Mesh`), or the mesh is not a sheet that can be flattened.
     UsageError
-        For a unit that there is not, or another unit than mm for a `Mesh`.
+        For a unit or a setting that there is not, a wrong value, or another unit than mm for a `Mesh`.
 
     Examples
     --------
@@ -73,7 +79,10 @@ def flatten(
     >>> faces = np.r_[np.c_[left, left + 2, left + 1], np.c_[left + 1, left + 2, left + 3]]
     >>> [round(float(mm), 1) for mm in flatten(points, faces).size_mm]
     [10.0, 157.1]
+    >>> flatten(points, faces, lengths="unfolded").lengths
+    'unfolded'
     """
+    settings = chosen(FlattenSettings, settings, choices)
     mesh = _in_mm(points, faces, units)
     eye = None if viewpoint is None else MM_PER_UNIT[units] * check_place(viewpoint, "the viewpoint")
     stage = StageTimer(progress or no_progress)

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache, partial
+from typing import Any
 
 from planish.binarize import binarize
+from planish.choices import chosen
 from planish.document import find_gutter, reads_backwards
 from planish.illumination import EvenlyLit, ShadingFit, remove_shading
 from planish.pipeline.flatten import flatten_prepared, in_file_order
@@ -47,6 +49,7 @@ def restore(
     read_orientation: OrientationReader | None = None,
     *,
     draw: bool = True,
+    **choices: Any,
 ) -> Restoration:
     """Flatten a scan and draw its page.
 
@@ -61,11 +64,16 @@ def restore(
         Asked which way up the page is where the shapes of the letters do not tell; see `OrientationReader`.
     draw : bool
         False: only the geometry is done, and the photo tells the sheet from its surroundings at most.
+    **choices
+        Settings by name, those of the stages too, in place of `settings` or on top of them: `dpi=400`,
+        `shading="none"`, `method="verlet"`.
 
     Raises
     ------
     InputError
         Where the scan is not a sheet that can be flattened, or its photo cannot be drawn.
+    UsageError
+        For a setting that there is not, or a wrong value.
 
     Examples
     --------
@@ -75,7 +83,7 @@ def restore(
     >>> done.report.settled, [round(mm) for mm in done.flattening.size_mm]
     (True, [216, 279])
     """
-    s = settings or RestoreSettings()
+    s = chosen(RestoreSettings, settings, choices)
     stage = StageTimer(progress or no_progress)
     with stage("clean"):
         prepared = prepare(scan, s.sheet)

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planish.display.one_line import one_line, shape_of
-from planish.errors import InputError
 from planish.types.arrays import Bools, Floats, Ints, Pixels, freeze, frozen_copy, trusted
 from planish.types.checks import (
     check_camera_size,
@@ -23,6 +22,7 @@ from planish.types.checks import (
     check_points,
 )
 from planish.types.diagnostic import Diagnostic
+from planish.types.foreign_meshes import mesh_arrays
 from planish.types.texture import Texture
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ class Mesh:
 
     Parameters
     ----------
-    points : (n, 3) array_like [mm], or an object with `vertices` and `faces`, such as a trimesh.Trimesh
+    points : (n, 3) array_like [mm], or a mesh of trimesh, Open3D or PyVista
     faces : (m, 3) array_like of int
         Rows of `points`, counter-clockwise seen from the printed side.
 
@@ -68,12 +68,7 @@ class Mesh:
 
     def __init__(self, points: Any, faces: Any = None) -> None:
         if faces is None:
-            if not (hasattr(points, "vertices") and hasattr(points, "faces")):
-                raise InputError(
-                    f"a {type(points).__name__} was given and no faces; a mesh needs both, or an object that has "
-                    "vertices and faces"
-                )
-            points, faces = points.vertices, points.faces
+            points, faces = mesh_arrays(points)
         checked = check_points(points)
         object.__setattr__(self, "points", checked)
         object.__setattr__(self, "faces", check_faces(faces, len(checked)))
