@@ -25,11 +25,12 @@ from planish.mesh import (
     onto_support_plane,
     prolongate,
     renumbered,
+    renumbered_faces,
     subsample,
     topology,
 )
 from planish.settings import FlattenSettings
-from planish.sticks import make_sticks, strain, stretch_over_lengths
+from planish.sticks import face_strain, make_sticks, strain, stretch_over_lengths
 from planish.types import Diagnostic, Doubt, Flattening, Floats, Mesh, Sticks
 
 __all__ = [
@@ -100,7 +101,7 @@ def flatten(
     """
     s = settings or FlattenSettings()
     start = perf_counter()
-    order = local_order(mesh, topo)
+    faces, order = mesh.faces, local_order(mesh, topo)
     if order is not None:
         mesh = renumbered(mesh, order)
         topo = topology(mesh.faces, len(mesh.points))
@@ -133,7 +134,11 @@ def flatten(
         short = lattice.shortfall_mm if lattice else chords_shortfall(sheet, sheet_topo)
         error = np.hypot(error, short)[coarse.nearest]
         local_strain = local_strain[coarse.nearest]
+        of_faces = np.sqrt((local_strain[mesh.faces] ** 2).mean(axis=1))
+    else:
+        of_faces = face_strain(solved.xy, sticks.pairs[: sticks.edges], sticks.rest[: sticks.edges], topo.face_edges)
     back = slice(None) if order is None else np.argsort(order)
+    face_back = slice(None) if order is None else np.argsort(renumbered_faces(order, faces))
     return Flattening(
         page_xy=page_xy[back],
         size_mm=(float(right - left), float(top - low)),
@@ -150,6 +155,7 @@ def flatten(
         else stretch_over_lengths(sticks.rest[: sticks.edges], sheet_topo.face_edges, sheet.faces, solved.xy),
         error_mm=error[back],
         local_strain=local_strain[back],
+        face_strain=of_faces[face_back],
         seconds=seconds,
         noise_mm=None if sticks.noise_mm is None else float(np.median(sticks.noise_mm)),
         noise_length_mm=sticks.noise_length_mm,

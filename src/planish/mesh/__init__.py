@@ -2,7 +2,7 @@
 
 from planish.mesh.adjacency import neighbours
 from planish.mesh.decimation import Coarse, subsample
-from planish.mesh.file_order import from_file_order, to_file_order
+from planish.mesh.file_order import faces_to_file_order, from_file_order, to_file_order
 from planish.mesh.grid_faces import grid_faces, without_small_components
 from planish.mesh.measures import (
     LEAST_HEIGHT,
@@ -14,7 +14,7 @@ from planish.mesh.measures import (
     point_normals,
     relative_heights,
 )
-from planish.mesh.memory_order import local_order, renumbered
+from planish.mesh.memory_order import local_order, renumbered, renumbered_faces
 from planish.mesh.prolongation import prolongate
 from planish.mesh.raster import rasterize
 from planish.mesh.repair import repair
@@ -31,6 +31,7 @@ __all__ = [
     "border_loops",
     "bounds",
     "edges_with_area",
+    "faces_to_file_order",
     "from_file_order",
     "grid_faces",
     "local_order",
@@ -41,6 +42,7 @@ __all__ = [
     "rasterize",
     "relative_heights",
     "renumbered",
+    "renumbered_faces",
     "repair",
     "subsample",
     "to_file_order",

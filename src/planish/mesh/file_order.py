@@ -7,7 +7,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from planish.types import Floats, PreparedScan
+from planish.types import Floats, Ints, PreparedScan
 
 Real = TypeVar("Real", np.float32, np.float64)
 
@@ -49,3 +49,39 @@ def from_file_order(prepared: PreparedScan, values: Floats) -> Floats:
     out = np.zeros((len(prepared.scan.mesh.points), *values.shape[1:]))
     out[prepared.mesh_rows[kept]] = values[kept]
     return out
+
+
+def faces_to_file_order(prepared: PreparedScan, values: Floats) -> Floats:
+    """Give every face of the source its value; NaN for those that the repair left out.
+
+    Parameters
+    ----------
+    prepared : PreparedScan
+    values : (k,) float64
+        Of the faces of `prepared.scan.mesh`.
+
+    Returns
+    -------
+    (m,) float64
+    """
+    rows, faces = prepared.mesh_rows, prepared.scan.mesh.faces
+    wanted = rows[prepared.source.mesh.faces]
+    if np.array_equal(wanted, faces):
+        return values
+    sides, tips = _sorted_corners(faces, len(rows))
+    order = np.lexsort((tips, sides))
+    sides, tips = sides[order], tips[order]
+    wanted_sides, wanted_tips = _sorted_corners(wanted, len(rows))
+    first = np.searchsorted(sides, wanted_sides)
+    out = np.full(len(wanted), np.nan)
+    for at in (first, first + 1):  # no edge of the repaired mesh has more than two faces
+        at = np.minimum(at, len(faces) - 1)
+        same = (sides[at] == wanted_sides) & (tips[at] == wanted_tips) & (wanted.min(axis=1) >= 0)
+        out[same] = values[order[at[same]]]
+    return out
+
+
+def _sorted_corners(faces: Ints, points: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The two lower corners of every face as one number, and the highest; windings do not count."""
+    low, middle, high = np.sort(faces, axis=1).astype(np.int64).T
+    return low * points + middle, high

@@ -11,7 +11,7 @@ import numpy as np
 from planish.choices import chosen
 from planish.errors import UsageError
 from planish.flattening import flatten as solve
-from planish.mesh import to_file_order
+from planish.mesh import faces_to_file_order, to_file_order
 from planish.pipeline.orient import to_upright_frame
 from planish.pipeline.prepare import prepare
 from planish.pipeline.stages import Progress, StageTimer, no_progress
@@ -154,7 +154,15 @@ def _solve(
 
 
 def in_file_order(prepared: PreparedScan, flat: Flattening) -> Flattening:
-    """The same flattening with all values per point in the order of the source's points."""
+    """The same flattening with all values per point and per face in the order of the source's."""
     values = to_file_order(prepared, np.c_[flat.page_xy, flat.error_mm, flat.local_strain])
     normals = None if flat.normals is None else to_file_order(prepared, flat.normals)
-    return replace(flat, page_xy=values[:, :2], error_mm=values[:, 2], local_strain=values[:, 3], normals=normals)
+    of_faces = None if flat.face_strain is None else faces_to_file_order(prepared, flat.face_strain)
+    return replace(
+        flat,
+        page_xy=values[:, :2],
+        error_mm=values[:, 2],
+        local_strain=values[:, 3],
+        normals=normals,
+        face_strain=of_faces,
+    )

@@ -339,6 +339,9 @@ class Flattening:
         Expected distance of every point from its true position; see `planish.flattening.expected`.
     local_strain : (n,) float64
         Rms strain of the edges around every point.
+    face_strain : (m,) float64 or None
+        Rms strain of the three edges of every face against the rest lengths used; of a decimated mesh, that around
+        its corners. NaN for faces that were left out.
     seconds : float
         From the mesh in memory to `page_xy` in memory.
     noise_mm : float or None
@@ -377,6 +380,7 @@ class Flattening:
     noise_length_mm: float | None = None
     spikes: int = 0
     stretch: tuple[float, float] | None = None
+    face_strain: Floats | None = None
 
     def __post_init__(self) -> None:
         freeze(self)
