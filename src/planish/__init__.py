@@ -33,6 +33,7 @@ if TYPE_CHECKING:
         write_scan,
     )
     from planish.pipeline import flatten, restore
+    from planish.report import distortion
     from planish.settings import FlattenSettings, RenderSettings, RestoreSettings
     from planish.types import Camera, Flattening, Mesh, Outcome, Page, Report, Restoration, Scan
 
@@ -51,6 +52,7 @@ _WHERE = {
     ),
     **dict.fromkeys(("flatten", "restore"), "planish.pipeline"),
     "split_pages": "planish.document",
+    "distortion": "planish.report",
     "progress_bar": "planish.display.progress",
     **dict.fromkeys(("FlattenSettings", "RenderSettings", "RestoreSettings"), "planish.settings"),
     **dict.fromkeys(
@@ -74,6 +76,7 @@ __all__ = [
     "RestoreSettings",
     "Scan",
     "UsageError",
+    "distortion",
     "flatten",
     "gallery",
     "photo",

@@ -17,12 +17,14 @@ def flatten(
     *,
     output: Output,
     as_: Annotated[Literal["points", "uv"], Parameter(name="--as")] = "points",
+    uv: Literal["mm", "unit"] = "mm",
     units: Units = "auto",
     flattening: Annotated[FlattenSettings, Parameter(name="*")] = FlattenSettings(),
     rotate: Rotation = "auto",
     viewpoint: tuple[float, float, float] | None = None,
     sheet: str = "auto",
     report: Path | None = None,
+    distortion: Path | None = None,
     overwrite: bool = True,
     quiet: Quiet = False,
     verbose: Verbose = False,
@@ -35,10 +37,13 @@ def flatten(
         OBJ, PLY, GLB, glTF, STL, OFF, 3MF, DAE, X3D, VRML or USDZ, or a tifxyz folder.
     output
         The flattened mesh: .obj, .ply or .glb, or a folder for tifxyz (with --as uv). A .ply includes strain and
-        expected error per point.
+        expected error per point, and strain and distortion per face.
     as_
         points: 2D positions replace the points. uv: the points stay in space, and their 2D positions become texture
-        coordinates in mm.
+        coordinates.
+    uv
+        Texture coordinates of --as uv. mm: millimetres on the page. unit: 0 to 1 along the longer side of the page, at
+        the same scale along the shorter.
     units
         Unit of the mesh's coordinates. auto decides from the file and the size of the mesh, and prints its decision.
     rotate
@@ -51,6 +56,9 @@ def flatten(
         image: keep what it shows white, of the photo's size; black is 0.
     report
         Also write the report as JSON.
+    distortion
+        Also write how far area, angles and lengths are distorted: mean, 99 % and worst as JSON, and beside it the
+        numbers of each triangle as a NumPy file, .npz.
     overwrite
         Whether existing files may be replaced.
     quiet
@@ -64,12 +72,26 @@ def flatten(
     import numpy as np
 
     from planish.cli.console import EarlyNotes, pipeline_progress, print_report
-    from planish.io import all_or_nothing, check_flat_name, check_writable, read_scan, write_flat, write_json
+    from planish.io import (
+        all_or_nothing,
+        check_flat_name,
+        check_writable,
+        distortion_files,
+        read_scan,
+        uv_unit_mm,
+        write_distortion,
+        write_flat,
+        write_json,
+    )
     from planish.job import with_file_info
     from planish.pipeline import restore
+    from planish.report import distortion as measure_distortion
 
-    check_flat_name(output, as_)
+    is_ply = output.suffix.lower() == ".ply"
+    check_flat_name(output, as_, uv)
     outputs = [path for path in (output, report) if path is not None]
+    if distortion is not None:
+        outputs += distortion_files(distortion)
     for path in outputs:
         check_writable(path, overwrite=overwrite)
     notes = EarlyNotes(quiet=quiet)
@@ -88,14 +110,23 @@ def flatten(
         )
         start = perf_counter()
         progress("write", 0.0)
-        scalars = {"strain": restoration.flattening.local_strain, "expected_error_mm": restoration.flattening.error_mm}
+        flat = restoration.flattening
+        measured = measure_distortion(loaded.scan.mesh, flat) if distortion is not None or is_ply else None
         write_flat(
             output,
             loaded,
-            restoration.flattening.page_xy,
+            flat.page_xy,
             as_=as_,
-            scalars=scalars if output.suffix == ".ply" else None,
+            uv=uv,
+            scalars={"strain": flat.local_strain, "expected_error_mm": flat.error_mm} if is_ply else None,
+            face_scalars=measured.columns() if is_ply and measured is not None else None,
         )
+        if distortion is not None and measured is not None:
+            write_distortion(
+                distortion,
+                measured.summary() | {"uv_step_mm": uv_unit_mm(flat.page_xy) if uv == "unit" else 1.0},
+                measured.arrays() | {"polygon": loaded.polygons.triangle_owner},
+            )
         final_report = with_file_info(restoration.report, loaded, read_seconds, perf_counter() - start)
         if report is not None:
             write_json(report, final_report)

@@ -4,9 +4,10 @@ from planish.io.cameras import read_camera, scaled_camera
 from planish.io.captures import image_files, read_captures
 from planish.io.clouds import read_cloud
 from planish.io.depths import read_depths
+from planish.io.distortion_files import distortion_files, write_distortion
 from planish.io.exif import focal_length_px
 from planish.io.files import all_or_nothing, check_writable, make_folder, write_bytes, write_json
-from planish.io.flats import check_flat_name, write_flat
+from planish.io.flats import check_flat_name, uv_unit_mm, write_flat
 from planish.io.images import Photo, read_photo
 from planish.io.metadata import Origin, fingerprints, origin_of
 from planish.io.ocr import check_ocr, text_layer, way_up
@@ -24,6 +25,7 @@ __all__ = [
     "check_ocr",
     "check_page_name",
     "check_writable",
+    "distortion_files",
     "fingerprints",
     "focal_length_px",
     "image_files",
@@ -38,8 +40,10 @@ __all__ = [
     "read_scan",
     "scaled_camera",
     "text_layer",
+    "uv_unit_mm",
     "way_up",
     "write_bytes",
+    "write_distortion",
     "write_flat",
     "write_json",
     "write_page",

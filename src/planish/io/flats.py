@@ -23,6 +23,9 @@ from planish.mesh import rasterize
 from planish.settings import mm_per_unit
 from planish.types import Floats, Ints
 
+UvUnit = Literal["mm", "unit"]
+"""What a step of 1 in texture coordinates is: a mm, or the longer side of the page."""
+
 SUFFIXES = (".obj", ".ply", ".glb", ".tifxyz", "")
 """The last two for a tifxyz folder."""
 
@@ -46,7 +49,9 @@ def write_flat(
     page_xy: Floats,
     *,
     as_: Literal["points", "uv"] = "points",
+    uv: UvUnit = "mm",
     scalars: Mapping[str, Floats] | None = None,
+    face_scalars: Mapping[str, Floats] | None = None,
 ) -> None:
     """Write a flattened scan: its points in their order and its faces as they were.
 
@@ -63,8 +68,13 @@ def write_flat(
         texture coordinates stay. uv: the points stay in space, in the file's own numbers, and their place on the page
         [mm], y up, becomes their texture coordinate. A tifxyz is the second kind: the page as a regular grid of
         points in space.
+    uv : {"mm", "unit"}
+        With "unit" texture coordinates run from 0 to 1 along the longer side of the page, and equally far a mm along
+        the shorter.
     scalars : mapping of str to (n,) or (m,) float64, optional
         Further numbers of each point or triangle, such as strain. Only PLY holds them; the first colours the mesh.
+    face_scalars : mapping of str to (m,) float64, optional
+        The same of triangles alone, also where there are as many of them as points.
 
     Raises
     ------
@@ -74,28 +84,32 @@ def write_flat(
         If scalars are neither one a point nor one a triangle.
     """
     path = Path(path)
-    check_flat_name(path, as_)
-    if scalars and path.suffix.lower() != ".ply":
-        raise OutputError(f"{path} cannot hold {next(iter(scalars))}; only .ply holds numbers of each point and face")
+    check_flat_name(path, as_, uv)
+    numbers = {**(scalars or {}), **(face_scalars or {})}
+    if numbers and path.suffix.lower() != ".ply":
+        raise OutputError(f"{path} cannot hold {next(iter(numbers))}; only .ply holds numbers of each point and face")
     if path.suffix.lower() in ("", ".tifxyz"):
         _write_grid(path, found, page_xy)
         return
-    flat = _flat(found, page_xy, as_)
+    flat = _flat(found, page_xy, as_, uv)
     if path.suffix.lower() == ".obj":
         digits = 6 + round(np.log10(flat.mm_per_unit))
         write_bytes(path, obj_parts(flat.points, flat.polygons, comment=flat.comment, digits=digits))
     elif path.suffix.lower() == ".ply":
-        _write_ply(path, found, flat, scalars or {})
+        _write_ply(path, found, flat, scalars or {}, face_scalars or {})
     else:
         _write_glb(path, found, flat)
 
 
-def check_flat_name(path: str | Path, as_: str = "points") -> None:
-    """Refuse a name whose suffix is no kind of flat mesh, before long work.
+def check_flat_name(path: str | Path, as_: str = "points", uv: UvUnit = "mm") -> None:
+    """Refuse a name whose suffix is no kind of flat mesh, or that has no texture coordinates, before long work.
 
     Raises
     ------
     OutputError
+        For the suffix.
+    UsageError
+        For texture coordinates of 0 to 1 where places on the page are no texture coordinates.
     """
     suffix = Path(path).suffix.lower()
     if suffix not in SUFFIXES:
@@ -107,18 +121,28 @@ def check_flat_name(path: str | Path, as_: str = "points") -> None:
             f"{path}: a tifxyz folder holds where the page lies in space, not flat points",
             "set {as_=uv}, or write .obj for flat points",
         )
+    if uv == "unit" and (as_ != "uv" or suffix in ("", ".tifxyz")):
+        raise UsageError(
+            f"{path} holds no places on the page as texture coordinates, so they cannot be 0 to 1",
+            "set {as_=uv} and write .obj, .ply or .glb",
+        )
 
 
-def _flat(found: ReadScan, page_xy: Floats, as_: str) -> _Flat:
+def uv_unit_mm(page_xy: Floats) -> float:
+    """Length [mm] of a step of 1 in texture coordinates from 0 to 1: the longer side of the page."""
+    return float(np.nanmax(page_xy, initial=0.0)) or 1.0
+
+
+def _flat(found: ReadScan, page_xy: Floats, as_: str, uv: UvUnit) -> _Flat:
     height = np.nanmax(page_xy[:, 1], initial=0.0)
     up = np.stack([page_xy[:, 0], height - page_xy[:, 1]], axis=1)
     if as_ == "points":
         comment = "units: mm\nthe flattened sheet: the scan's points in their order, moved to the plane z = 0"
         return _Flat(np.c_[up, np.zeros(len(up))], found.polygons, comment, 1.0)
-    polygons = Polygons(found.polygons.sizes, found.polygons.corners, up, found.polygons.corners)
-    comment = (
-        f"units: {found.unit}\nthe scan's points; texture coordinates are their places on the flat page in mm, y up"
-    )
+    step = uv_unit_mm(page_xy) if uv == "unit" else 1.0
+    polygons = Polygons(found.polygons.sizes, found.polygons.corners, up / step, found.polygons.corners)
+    places = "in mm, y up" if uv == "mm" else f"y up; times {step:.9g} they are mm"
+    comment = f"units: {found.unit}\nthe scan's points; texture coordinates are their places on the flat page {places}"
     return _Flat(_file_points(found), polygons, comment, mm_per_unit(found.unit))
 
 
@@ -129,7 +153,9 @@ def _file_points(found: ReadScan) -> Floats:
 # PLY
 
 
-def _write_ply(path: Path, found: ReadScan, flat: _Flat, scalars: Mapping[str, Floats]) -> None:
+def _write_ply(
+    path: Path, found: ReadScan, flat: _Flat, scalars: Mapping[str, Floats], face_scalars: Mapping[str, Floats]
+) -> None:
     count, triangles = len(flat.points), len(found.scan.mesh.faces)
     point_columns: dict[str, NDArray] = {}
     face_columns: dict[str, NDArray] = {}
@@ -145,6 +171,10 @@ def _write_ply(path: Path, found: ReadScan, flat: _Flat, scalars: Mapping[str, F
             colours, highest = _coloured(columns[name])
             columns |= colours
             comments.append(f"colours: {name} from 0 (dark) to {highest:.4g} (bright)")
+    for name, values in face_scalars.items():
+        if len(values) != triangles:
+            raise UsageError(f"{name} has {len(values)} values; {triangles} (a triangle) are wanted")
+        face_columns[name] = _mean_of_triangles(found.polygons, values)
     uv = _uv_of_each_point(flat.polygons, count)
     parts = ply_parts(
         flat.points,
