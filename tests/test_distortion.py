@@ -79,6 +79,27 @@ def test_left_out_faces_are_counted_and_have_no_numbers():
         planish.distortion(mesh, planish.flatten(with_needle))
 
 
+@pytest.mark.parametrize("kind", ["points", "uv"])
+def test_quads_of_a_grid_stay_or_are_cut_into_the_triangles_that_were_measured(book, tmp_path, kind):
+    grid, figures = tmp_path / "grid", tmp_path / "figures.json"
+    assert run(["flatten", str(book), "-o", str(grid), "--as", "uv", "--units", "mm", "-q"]) == 0
+    common = ["flatten", str(grid), "--as", kind, "--units", "mm", "-q", "-o"]
+    quads, cut, ply = tmp_path / "quads.obj", tmp_path / "cut.obj", tmp_path / "cut.ply"
+    assert run([*common, str(quads), "--distortion", str(figures)]) == 0
+    assert run([*common, str(cut), "--triangles"]) == 0
+    assert run([*common, str(ply), "--triangles"]) == 0
+    assert {len(line) - 1 for line in lines_of(quads, "f")} == {4}
+    assert {len(line) - 1 for line in lines_of(cut, "f")} == {3}
+    assert len(lines_of(cut, "f")) == 2 * len(lines_of(quads, "f")) == json.loads(figures.read_text())["faces"]
+    assert lines_of(cut, "v") == lines_of(quads, "v")
+    assert lines_of(cut, "vt") == lines_of(quads, "vt")
+    owner = np.load(figures.with_suffix(".npz"))["polygon"]
+    faces = lines_of(quads, "f")
+    for triangle, line in zip(owner, lines_of(cut, "f"), strict=True):
+        assert set(line[1:]) <= set(faces[triangle][1:])
+    assert f"element face {len(owner)}" in ply.read_bytes().split(b"end_header")[0].decode()
+
+
 @pytest.mark.parametrize(
     ("flags", "code", "sentence"),
     [

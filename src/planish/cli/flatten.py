@@ -18,6 +18,7 @@ def flatten(
     output: Output,
     as_: Annotated[Literal["points", "uv"], Parameter(name="--as")] = "points",
     uv: Literal["mm", "unit"] = "mm",
+    triangles: bool = False,
     units: Units = "auto",
     flattening: Annotated[FlattenSettings, Parameter(name="*")] = FlattenSettings(),
     rotate: Rotation = "auto",
@@ -44,6 +45,8 @@ def flatten(
     uv
         Texture coordinates of --as uv. mm: millimetres on the page. unit: 0 to 1 along the longer side of the page, at
         the same scale along the shorter.
+    triangles
+        Cut quads and larger faces into triangles. By default faces are written as they were read.
     units
         Unit of the mesh's coordinates. auto decides from the file and the size of the mesh, and prints its decision.
     rotate
@@ -118,6 +121,7 @@ def flatten(
             flat.page_xy,
             as_=as_,
             uv=uv,
+            triangles=triangles,
             scalars={"strain": flat.local_strain, "expected_error_mm": flat.error_mm} if is_ply else None,
             face_scalars=measured.columns() if is_ply and measured is not None else None,
         )

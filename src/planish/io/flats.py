@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -16,7 +16,7 @@ from planish.io.files import write_bytes
 from planish.io.gltf_write import glb_bytes, one_uv_per_point
 from planish.io.obj import obj_parts
 from planish.io.ply_write import ply_parts
-from planish.io.polygons import Polygons, triangulate, uv_of_points
+from planish.io.polygons import Polygons, of_triangles, triangulate, uv_of_points
 from planish.io.scans import ReadScan
 from planish.io.tifxyz import write_tifxyz
 from planish.mesh import rasterize
@@ -50,6 +50,7 @@ def write_flat(
     *,
     as_: Literal["points", "uv"] = "points",
     uv: UvUnit = "mm",
+    triangles: bool = False,
     scalars: Mapping[str, Floats] | None = None,
     face_scalars: Mapping[str, Floats] | None = None,
 ) -> None:
@@ -71,6 +72,8 @@ def write_flat(
     uv : {"mm", "unit"}
         With "unit" texture coordinates run from 0 to 1 along the longer side of the page, and equally far a mm along
         the shorter.
+    triangles : bool
+        Cut larger faces into triangles, those of `found.scan.mesh`.
     scalars : mapping of str to (n,) or (m,) float64, optional
         Further numbers of each point or triangle, such as strain. Only PLY holds them; the first colours the mesh.
     face_scalars : mapping of str to (m,) float64, optional
@@ -92,6 +95,8 @@ def write_flat(
         _write_grid(path, found, page_xy)
         return
     flat = _flat(found, page_xy, as_, uv)
+    if triangles:
+        flat = replace(flat, polygons=_cut(found, flat.polygons))
     if path.suffix.lower() == ".obj":
         digits = 6 + round(np.log10(flat.mm_per_unit))
         write_bytes(path, obj_parts(flat.points, flat.polygons, comment=flat.comment, digits=digits))
@@ -141,9 +146,16 @@ def _flat(found: ReadScan, page_xy: Floats, as_: str, uv: UvUnit) -> _Flat:
         return _Flat(np.c_[up, np.zeros(len(up))], found.polygons, comment, 1.0)
     step = uv_unit_mm(page_xy) if uv == "unit" else 1.0
     polygons = Polygons(found.polygons.sizes, found.polygons.corners, up / step, found.polygons.corners)
-    places = "in mm, y up" if uv == "mm" else f"y up; times {step:.9g} they are mm"
-    comment = f"units: {found.unit}\nthe scan's points; texture coordinates are their places on the flat page {places}"
+    scale = "in mm" if uv == "mm" else f"in parts of {step:.9g} mm"
+    comment = f"units: {found.unit}\nthe scan's points; texture coordinates are their places on the page {scale}, y up"
     return _Flat(_file_points(found), polygons, comment, mm_per_unit(found.unit))
+
+
+def _cut(found: ReadScan, polygons: Polygons) -> Polygons:
+    """Polygons cut into the triangles that were flattened."""
+    rows = triangulate(found.scan.mesh.points, polygons)
+    uv_corners = None if polygons.uv_corners is None else polygons.uv_corners[rows]
+    return of_triangles(polygons.corners[rows], polygons.uv, uv_corners)
 
 
 def _file_points(found: ReadScan) -> Floats:
@@ -166,7 +178,7 @@ def _write_ply(
                 f"{name} has {len(values)} values; {count} (a point) or {triangles} (a triangle) are wanted"
             )
         columns = point_columns if len(values) == count else face_columns
-        columns[name] = values if len(values) == count else _mean_of_triangles(found.polygons, values)
+        columns[name] = values if len(values) == count else _mean_of_triangles(flat.polygons, values)
         if number == 0:
             colours, highest = _coloured(columns[name])
             columns |= colours
@@ -174,7 +186,7 @@ def _write_ply(
     for name, values in face_scalars.items():
         if len(values) != triangles:
             raise UsageError(f"{name} has {len(values)} values; {triangles} (a triangle) are wanted")
-        face_columns[name] = _mean_of_triangles(found.polygons, values)
+        face_columns[name] = _mean_of_triangles(flat.polygons, values)
     uv = _uv_of_each_point(flat.polygons, count)
     parts = ply_parts(
         flat.points,
