@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 import tarfile
+import tomllib
 import zipfile
 from email import message_from_bytes
 from pathlib import Path
@@ -105,3 +106,11 @@ def test_the_wheel_runs_where_it_is_unpacked(built, tmp_path):
     command = [sys.executable, "-I", "-c", script, str(tmp_path), "--version"]
     said = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True).stdout
     assert said.strip() == re.search(r"planish-([\d.]+)-py3", built[1].name)[1]
+
+
+def test_the_citation_names_the_version_and_the_licence_of_the_project():
+    citation = (ROOT / "CITATION.cff").read_text()
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    lines = citation.splitlines()
+    assert f"version: {project['version']}" in lines
+    assert f"license: {project['license']}" in lines
