@@ -65,7 +65,7 @@ def test_a_photo_of_another_sheet_is_unlike_the_others():
     grid = Grid(np.array([-40.0, -30.0, 0.0]), np.eye(3), 2.0, (31, 41))
     stack = stack_photos(photos, CAMERAS, [1.0] * len(photos))
     seen = np.ones((31 * 41, len(CAMERAS)), bool)
-    level = Level(300, 40, 3, 3, 1)
+    level = Level(300, 40, 3, 1)
     _, likeness = match_surface(grid, np.zeros((31, 41)), CAMERAS, stack, seen, 0.5, level)
     assert likeness[[0, 2, 3]].min() > 0.95
     assert likeness[1] < 0.2

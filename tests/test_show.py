@@ -85,7 +85,7 @@ class TestXarray:
 
     def test_without_xarray_one_sentence_says_what_to_install(self, monkeypatch):
         monkeypatch.setitem(sys.modules, "xarray", None)
-        with pytest.raises(MissingExtraError, match=r"pip install 'planish\[xarray\]'"):
+        with pytest.raises(MissingExtraError, match=r"pip install 'xarray>="):
             page_of(KINDS["grey"][0]).to_xarray()
 
 

@@ -42,8 +42,6 @@ class Level:
         Of the grid along it.
     steps : int
         Offsets tried on each side.
-    far_steps : int
-        The same where the photos do not agree within `steps`, so that a fold that was cut off is found yet.
     rounds : int
     tilted : bool
         Whether patches are tilted too: coarse surfaces may be far from the slope of a gutter or a crumple.
@@ -52,12 +50,11 @@ class Level:
     pixels: int
     cells: int
     steps: int
-    far_steps: int
     rounds: int
     tilted: bool = False
 
 
-LEVELS = (Level(300, 120, 10, 10, 3, True), Level(600, 160, 5, 20, 1, True), Level(1200, 200, 3, 12, 1))
+LEVELS = (Level(300, 120, 10, 3, True), Level(600, 160, 5, 1, True), Level(1200, 200, 3, 1))
 TILTS = [(np.radians(tilt), turn) for tilt in (30.0, 55.0) for turn in np.arange(0, 2 * np.pi, np.pi / 2)]
 """Of patches against the surface, and directions of the tilt across the grid."""
 STEP = 0.5
@@ -79,10 +76,8 @@ AGREEMENT = 0.6
 UNSURE = 0.5
 """Matches less sure than this part of a sample are none: shade that grows one way looks alike everywhere."""
 SPECKLE_CELLS, NO_OFFSET = 6, -(2**15)
-"""Matches are left out in groups of at most so many cells: random places of blank paper agree now and then."""
-SPECKLE_SLOPE = 0.5
-"""Neighbours are of one group if their offsets differ by up to one step, or so much in cells: the present surface may
-be 26 degrees off. By the step alone, 4 degrees at the end, flanks of folds that were cut off were left out."""
+"""Matches are left out in groups of at most so many cells, neighbours of which differ by up to one step: random places
+of blank paper agree now and then."""
 BEND_WIDTH = 0.015
 """Half of the width over which bends are looked at, in widths of the grid: 6 mm of A4."""
 SHARPEST = 0.98
@@ -239,34 +234,34 @@ def _match(
     sample_mm: float,
     level: Level,
 ) -> tuple[Measured, Floats]:
-    """Places where the photos agree, near the present surface; where they do not, farther off or tilted too."""
+    """Places where the photos agree, near the present surface; where they do not, with tilted patches too."""
     nodes, normals = grid.to_space(heights), grid.normals(heights)
     found = match_patches(stack, nodes, normals, seen, sample_mm, STEP * sample_mm, level.steps)
     offset, sigma, agreement = found.offset.copy(), found.sigma.copy(), found.agreement.copy()
+    agrees = found.agrees.copy()
     agreement[np.isnan(offset)] = 0.0
-    far = [(0.0, 0.0, level.far_steps)] if level.far_steps > level.steps else []
-    tilted_too = [(tilt, turn, level.steps) for tilt, turn in TILTS] if level.tilted else []
-    for tilt, turn, steps in (*far, *tilted_too):
+    for tilt, turn in TILTS if level.tilted else ():
         poor = np.flatnonzero(seen.any(axis=1) & (agreement < AGREEMENT))
         across = np.cos(turn) * grid.axes[0] + np.sin(turn) * grid.axes[1]
         tilted = normalize(np.cos(tilt) * normals[poor] + np.sin(tilt) * across)
         facing = seen[poor] & facing_cameras(nodes[poor], tilted, cameras)
-        other = match_patches(stack, nodes[poor], tilted, facing, sample_mm, STEP * sample_mm, steps, normals[poor])
+        other = match_patches(
+            stack, nodes[poor], tilted, facing, sample_mm, STEP * sample_mm, level.steps, normals[poor]
+        )
         better = np.isfinite(other.offset) & (other.agreement > agreement[poor])
         rows = poor[better]
         offset[rows], sigma[rows] = other.offset[better], other.sigma[better]
-        agreement[rows] = other.agreement[better]
+        agreement[rows], agrees[rows] = other.agreement[better], other.agrees[better]
     good = (agreement > AGREEMENT) & (sigma < UNSURE * sample_mm)
-    alike_mm = max(STEP * sample_mm, SPECKLE_SLOPE * grid.spacing)
-    good = _without_speckles(np.where(good, offset / alike_mm, np.nan).reshape(grid.shape_rc)).ravel()
+    good = _without_speckles(np.where(good, offset / (STEP * sample_mm), np.nan).reshape(grid.shape_rc)).ravel()
     places = (nodes + offset[:, None] * normals)[good]
-    likeness = (found.agrees & seen)[good].sum(axis=0) / np.maximum(seen[good].sum(axis=0), 1)
+    likeness = (agrees & seen)[good].sum(axis=0) / np.maximum(seen[good].sum(axis=0), 1)
     return Measured(places, sigma[good], np.full(len(places), RADIUS * sample_mm)), likeness
 
 
-def _without_speckles(offsets: Floats) -> Bools:
-    """Matches (rows, cols) that go on to neighbours, whose offsets differ by up to 1: false ones stand alone."""
-    sixteenths = np.where(np.isfinite(offsets), 16 * np.nan_to_num(offsets), NO_OFFSET).astype(np.int16)
+def _without_speckles(steps: Floats) -> Bools:
+    """Matches (rows, cols), by their offset in steps, that go on to neighbours: false ones stand alone."""
+    sixteenths = np.where(np.isfinite(steps), 16 * np.nan_to_num(steps), NO_OFFSET).astype(np.int16)
     kept = cv2.filterSpeckles(sixteenths, NO_OFFSET, SPECKLE_CELLS, 16)[0]
     return np.asarray(kept != NO_OFFSET)
 
