@@ -241,7 +241,7 @@ def test_without_the_extra_or_the_program_that_is_said(monkeypatch):
     import sys
 
     monkeypatch.setitem(sys.modules, "pytesseract", None)
-    with pytest.raises(MissingExtraError, match=r"planish\[ocr\]"):
+    with pytest.raises(MissingExtraError, match="pip install 'pytesseract"):
         check_ocr("eng")
     assert way_up(PAGES[0]) is None
     monkeypatch.undo()
