@@ -102,7 +102,8 @@ export function done(job) {
 }
 
 function asSentence(text) {
-  const capital = text[0].toUpperCase() + text.slice(1);
+  const aFile = /^\S+\.\w/.test(text);  // a file's name stays as it is
+  const capital = aFile ? text : text[0].toUpperCase() + text.slice(1);
   return capital.endsWith(".") ? capital : `${capital}.`;
 }
 
