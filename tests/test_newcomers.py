@@ -68,7 +68,7 @@ class TestFirstRun:
     def as_terminal(self, monkeypatch):
         """Pretend that stderr is a terminal."""
         monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
-        monkeypatch.setattr(console, "NOTE_COMPILE_SECONDS", 0.0)
+        monkeypatch.setattr("planish.display.progress.NOTE_COMPILE_SECONDS", 0.0)
 
     def test_a_note_says_that_compiling_happens_only_once(self, monkeypatch, capsys):
         self.as_terminal(monkeypatch)
