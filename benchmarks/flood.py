@@ -76,11 +76,11 @@ def measure(data: Path, flood: Path) -> None:
                 most = max(most, server.memory_info().rss)
                 time.sleep(0.05)
     table = sum(path.stat().st_size for path in data.glob("jobs.sqlite*"))
-    said = [*state["warnings"], state["sentence"]]
+    sentences = [*state["warnings"], state["sentence"]]
     print(f"memory of the server: {before / 1e6:.0f} MB before, {most / 1e6:.0f} MB at most")
     print(f"slowest answer of /api/health: {slowest:.3f} s")
-    print(f"job table: {table / 1e3:.0f} KB; longest warning: {max(map(len, said))} characters")
-    print(f"the job is {state['state']}: {json.dumps(said)[:300]}")
+    print(f"job table: {table / 1e3:.0f} KB; longest warning: {max(map(len, sentences))} characters")
+    print(f"the job is {state['state']}: {json.dumps(sentences)[:300]}")
 
 
 if __name__ == "__main__":

@@ -342,3 +342,9 @@ class TestPlot:
         monkeypatch.setitem(sys.modules, "matplotlib", None)
         with pytest.raises(MissingExtraError, match="pip install 'matplotlib"):
             done.flattening.plot()
+
+
+@pytest.mark.parametrize("paper", ["a4", (210,), (210, -297), (210, np.nan), 210])
+def test_sides_of_paper_are_two_numbers_above_zero(paper):
+    with pytest.raises(InputError, match="two sides in mm, above 0"):
+        Scan(Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]), paper_mm=paper)

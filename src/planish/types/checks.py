@@ -139,6 +139,28 @@ def known_places(photo_xy: Floats) -> Floats:
     return photo_xy if known.all() else np.where(known, photo_xy, np.nan)
 
 
+def check_sides(given: object) -> tuple[float, float]:
+    """Two sides of a sheet in mm.
+
+    Raises
+    ------
+    InputError
+        If they are not two numbers above 0.
+
+    Examples
+    --------
+    >>> check_sides([210, 297])
+    (210.0, 297.0)
+    """
+    try:
+        sides = np.asarray(given, np.float64)
+    except (TypeError, ValueError):
+        sides = np.zeros(0)
+    if sides.shape != (2,) or not (np.isfinite(sides) & (sides > 0)).all():
+        raise InputError(f"paper_mm is {given!r}; wanted are two sides in mm, above 0")
+    return float(sides[0]), float(sides[1])
+
+
 def check_mask(given: object) -> Bools:
     """The mask of a sheet as (rows, cols) bool, read-only: true where it is not 0.
 

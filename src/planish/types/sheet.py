@@ -20,6 +20,7 @@ from planish.types.checks import (
     check_place,
     check_places_on,
     check_points,
+    check_sides,
 )
 from planish.types.diagnostic import Diagnostic
 from planish.types.foreign_meshes import mesh_arrays
@@ -212,6 +213,8 @@ class Scan:
             object.__setattr__(self, "viewpoint", check_place(self.viewpoint, "the viewpoint"))
         if self.sheet is not None:
             object.__setattr__(self, "sheet", check_mask(self.sheet))
+        if self.paper_mm is not None:
+            object.__setattr__(self, "paper_mm", check_sides(self.paper_mm))
         for name in ("texture_of_face", "colours"):
             given = getattr(self, name)
             if given is not None:
