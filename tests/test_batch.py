@@ -254,6 +254,16 @@ def test_foreign_files_are_not_touched(folder, restored):
     assert (folder / "out" / "c" / "mine.txt").read_text() == "mine"
 
 
+def test_names_that_differ_in_case_alone_are_refused_where_the_file_system_ignores_it(folder, restored, monkeypatch):
+    (folder / "in" / "a").rename(folder / "in" / "C")
+    assert restore_all(folder).items == 5  # here the file system tells A from a
+    monkeypatch.setattr("planish.batch.output_dir._ignores_case", lambda _folder: True)
+    with pytest.raises(OutputError, match="takes A for a, and the scans' names hold c in both ways"):
+        restore_all(folder)
+    (folder / "in" / "C").rename(folder / "in" / "a")
+    assert restore_all(folder).items == 5
+
+
 @pytest.mark.parametrize("out", ["in", "in/out", "."])
 def test_scans_and_output_may_not_overlap(folder, out):
     with pytest.raises(OutputError, match="overlap; choose an output folder"):

@@ -23,6 +23,7 @@ def files(tmp_path):
     cv2.imwrite(str(tmp_path / "tum.png"), (5 * DEPTH).astype(np.uint16))
     tifffile.imwrite(tmp_path / "metres.tif", (DEPTH / 1000).astype(np.float32))
     tifffile.imwrite(tmp_path / "mm.tif", DEPTH.astype(np.float32))
+    tifffile.imwrite(tmp_path / "double.tif", DEPTH.astype(np.float64))
     tifffile.imwrite(tmp_path / "sixteen.tif", DEPTH.astype(np.uint16))
     np.save(tmp_path / "metres.npy", DEPTH / 1000)
     np.save(tmp_path / "three.npy", np.stack([DEPTH] * 3))
@@ -41,6 +42,7 @@ def files(tmp_path):
         ("tum.png", 5000.0, 1),
         ("metres.tif", "auto", 1),
         ("mm.tif", "auto", 1),
+        ("double.tif", "auto", 1),
         ("sixteen.tif", "kinect", 1),
         ("metres.npy", "m", 1),
         ("three.npy", "mm", 3),

@@ -176,6 +176,8 @@ def png_that_claims(width, height):
         (encoded(COLOUR[:1], "PNG"), "is 60 x 1 pixels"),
         (png_that_claims(30_000, 30_000), "900 megapixels"),
         (tiff(COLOUR[..., 0].astype(np.float32)), "kind F"),
+        (tiff(COLOUR[..., 0].astype(np.float64)), "is a TIFF with pixels of 1 x float64; 8 or 16 bit"),
+        (tiff(COLOUR.astype(np.float64), photometric="rgb"), "is a TIFF with pixels of 3 x float64; 8 or 16 bit"),
         (encoded(COLOUR, "JPEG")[:400], "damaged or was cut short"),
         (tiff(COLOUR_16, photometric="rgb")[:9000], "damaged or was cut short"),
         (png_16(COLOUR_16)[:-200], "damaged or was cut short"),

@@ -41,6 +41,12 @@ def test_names_of_devices_are_escaped_and_stay_apart(name):
     assert safe.endswith(name[1:])
 
 
+@pytest.mark.parametrize("mark", '*?"<>|:')
+def test_uploads_with_letters_that_windows_does_not_take_are_refused(mark):
+    with pytest.raises(HTTPProblem, match="not a plain file name"):
+        plain_name(f"scan{mark}.obj")
+
+
 @pytest.mark.parametrize("name", [*DEVICES, "scan.obj."])
 def test_uploads_with_names_that_windows_has_for_itself_are_refused(name):
     with pytest.raises(HTTPProblem, match="not a plain file name"):

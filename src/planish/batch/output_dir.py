@@ -16,11 +16,11 @@ import os
 import secrets
 import shutil
 import socket
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
-from planish.batch.items import Item
+from planish.batch.items import Item, conflicting_names
 from planish.batch.journal import Entry, Journal, item_as_json
 from planish.batch.row import row_from_json
 from planish.errors import OutputError
@@ -38,6 +38,23 @@ class OutputDir:
         self.folder = folder
         self.work_dir = folder / ".planish" / "work"
         self.journal = journal
+
+    def check_names(self, names: Iterable[str]) -> None:
+        """Check that no two items share a folder where the file system takes A for a (Windows, macOS, USB drives).
+
+        Raises
+        ------
+        OutputError
+            With one of the names that are alike but for upper and lower case.
+        """
+        if not _ignores_case(self.work_dir):
+            return
+        conflicts = sorted(conflicting_names(name.lower() for name in names))
+        if conflicts:
+            raise OutputError(
+                f"{self.folder} is on a file system that takes A for a, and the scans' names hold {conflicts[0]} in "
+                "both ways; rename one of the scans, name it in a list, or choose another folder with -o"
+            )
 
     def is_complete(self, entry: Entry) -> bool:
         """Whether all files of an entry exist."""
@@ -111,6 +128,16 @@ def _lock(state_dir: Path, folder: Path) -> Iterator[None]:
             )
         holder.write_text(f"process {os.getpid()} on {socket.gethostname()}")
         yield
+
+
+def _ignores_case(folder: Path) -> bool:
+    """Whether the file system of a folder finds a file by its name in other letters."""
+    probe = folder / "Case"
+    with translate_os_errors(folder):
+        probe.touch()
+        found = (folder / "cASE").exists()
+        probe.unlink()
+    return found
 
 
 def _clear_folder(work_dir: Path) -> None:

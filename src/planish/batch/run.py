@@ -100,6 +100,7 @@ def batch(
     options, folder = options or BatchOptions(), folder.absolute()
     _check_output_outside_scans(scans, folder)
     with open_output_dir(folder) as output_dir:
+        output_dir.check_names(item.name for item in scans.items)
         check(options.make_job(scans.items[0], output_dir.work_dir, (), ()))
         state = _BatchRun(output_dir, options, retry, Limits(seconds=seconds), progress)
         tasks = deque(state.tasks(scans.items))

@@ -53,6 +53,7 @@ FEWEST_PIXELS = 8
 _ORIENTATION = 0x0112
 _PLANAR_CONFIGURATION, _PHOTOMETRIC, _BITS_PER_SAMPLE = 284, 262, 258
 _IN_PLANES = 2
+_TIFF_MARKS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 _TIFFFILE_ALONE = ("raw", "tiff_adobe_deflate", "tiff_deflate", "packbits")
 """Compressions that tifffile knows without further packages."""
 
@@ -125,7 +126,7 @@ def decode_photo(name: str, data: bytes, *, upright: bool = False) -> Photo:
         pixels, icc = _three_channels(name, pixels, icc, warnings)
         return Photo(np.ascontiguousarray(pixels), icc, warnings)
     with _decoding(name):
-        image = _open(data, FORMATS)
+        image = _open_photo(name, data)
         _check_size(name, image, data)
         orientation = _orientation(image)
         image.load()  # finds every damage that Pillow can find
@@ -167,7 +168,12 @@ def decode_grid(name: str, data: bytes, kind: Literal["TIFF", "PNG"] = "TIFF") -
         If it is none, damaged, cut short, or above 400 megapixels.
     """
     with _decoding(name, f"a {kind}"):
-        image = _open(data, [kind])
+        try:
+            image = _open(data, [kind])
+        except Image.UnidentifiedImageError:
+            if kind == "TIFF" and data.startswith(_TIFF_MARKS):
+                return _grid_by_tifffile(name, data)
+            raise
         _check_size(name, image, data, fewest=1)
         image.load()
         return np.array(image)
@@ -215,18 +221,51 @@ def _open(data: bytes, kinds: Iterable[str]) -> Image.Image:
     raise Image.UnidentifiedImageError
 
 
+def _open_photo(name: str, data: bytes) -> Image.Image:
+    """Open a photo of any kind; of a TIFF that Pillow does not know, say what its pixels are."""
+    try:
+        return _open(data, FORMATS)
+    except Image.UnidentifiedImageError:
+        if not data.startswith(_TIFF_MARKS):
+            raise
+    import tifffile
+
+    with tifffile.TiffFile(io.BytesIO(data)) as file:
+        page = file.pages.first
+        found = f"{page.samplesperpixel} x {page.dtype}"
+    raise InputError(f"{name} is a TIFF with pixels of {found}; 8 or 16 bit grey or colour is wanted")
+
+
+def _grid_by_tifffile(name: str, data: bytes) -> NDArray:
+    """A TIFF of numbers that Pillow does not know, such as floats of 64 bits."""
+    import tifffile
+
+    with tifffile.TiffFile(io.BytesIO(data)) as file:
+        page = file.pages.first
+        rows, cols = page.imagelength, page.imagewidth
+        _check_pixels(name, cols, rows, fewest=1)
+        per_pixel = page.samplesperpixel * page.bitspersample / 8
+        _check_bytes(name, cols, rows, per_pixel, 2 * per_pixel, data)
+        return np.asarray(page.asarray())
+
+
 def _check_size(name: str, image: Image.Image, data: bytes, fewest: int = FEWEST_PIXELS) -> None:
     width, height = image.size
-    megapixels = width * height / 1e6
     _check_pixels(name, width, height, fewest)
-    unpacked = width * height * (1 / 8 if image.mode == "1" else len(image.getbands()))
-    if megapixels > PLAUSIBLE_MEGAPIXELS and unpacked > PLAUSIBLE_PACKING * len(data):
+    bands = 1 / 8 if image.mode == "1" else len(image.getbands())
+    per_pixel = _BYTES_PER_PIXEL[16 if _has_sixteen_bits(data, image) else 8]
+    _check_bytes(name, width, height, bands, per_pixel, data)
+
+
+def _check_bytes(name: str, width: int, height: int, unpacked: float, needed: float, data: bytes) -> None:
+    """Check the bytes of a pixel, unpacked and needed on the way, against the file's and against the free memory."""
+    megapixels = width * height / 1e6
+    if megapixels > PLAUSIBLE_MEGAPIXELS and width * height * unpacked > PLAUSIBLE_PACKING * len(data):
         raise InputError(
             f"{name} says that it has {width} x {height} pixels, but no photo fits so many into {len(data)} bytes; is"
             " the file damaged or cut short?"
         )
-    per_pixel = _BYTES_PER_PIXEL[16 if _has_sixteen_bits(data, image) else 8]
-    check_memory(width * height * per_pixel, f"{name} with its {megapixels:.0f} megapixels", "give a smaller photo")
+    check_memory(width * height * needed, f"{name} with its {megapixels:.0f} megapixels", "give a smaller photo")
 
 
 def _check_pixels(name: str, width: int, height: int, fewest: int = FEWEST_PIXELS) -> None:

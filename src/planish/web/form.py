@@ -165,7 +165,7 @@ def plain_name(name: str) -> str:
     Raises
     ------
     HTTPProblem
-        422 for names with path separators or invisible characters.
+        422 for names with path separators, invisible characters, or such that Windows does not take.
 
     Examples
     --------
@@ -178,7 +178,7 @@ def plain_name(name: str) -> str:
     name = unicodedata.normalize("NFC", name)
     is_invalid = (
         not name.isprintable()
-        or any(mark in name for mark in "/\\:")
+        or any(mark in name for mark in '/\\:*?"<>|')
         or name.startswith(".")
         or name != name.strip().rstrip(".")
         or is_device_name(name)
