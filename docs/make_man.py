@@ -53,8 +53,8 @@ https://planish.readthedocs.io
 """
 
 
-def text() -> str:
-    """The page as it should be."""
+def texts() -> dict[str, str]:
+    """The page as it should be, by file name."""
     with patch.object(sys, "argv", ["planish"]):  # else usage lines show how this script was called
         source = app.generate_docs(output_format="rst")
     commands = source[source.index(".. _cyclopts-planish-") :]
@@ -62,7 +62,8 @@ def text() -> str:
     settings = {"halt_level": 2, "output_encoding": "unicode"}
     meanings = re.findall(r"(\d+) ([^;.]+)", app.help_epilogue)
     codes = "".join(f"{code}\n    {meaning}\n" for code, meaning in meanings)
-    return str(publish_string(HEAD + titled + TAIL.format(codes=codes), writer="manpage", settings_overrides=settings))
+    source = HEAD + titled + TAIL.format(codes=codes)
+    return {"planish.1": str(publish_string(source, writer="manpage", settings_overrides=settings))}
 
 
 def _section(found: re.Match[str]) -> str:
@@ -73,4 +74,5 @@ def _section(found: re.Match[str]) -> str:
 
 
 if __name__ == "__main__":
-    (Path(__file__).parent / "planish.1").write_text(text(), encoding="utf-8")
+    for name, text in texts().items():
+        (Path(__file__).parent / name).write_text(text, encoding="utf-8")

@@ -15,8 +15,8 @@ DRAFT = "https://json-schema.org/draft/2020-12/schema"
 PLACE = "https://planish.readthedocs.io/report.schema.json"
 
 
-def text() -> str:
-    """The schema as it should be."""
+def texts() -> dict[str, str]:
+    """The schema as it should be, by file name."""
     made = TypeAdapter(types.Report).json_schema(mode="serialization")
     definitions = made.pop("$defs")
     del definitions["Diagnostic"]  # `Report.to_dict` writes sentences and codes
@@ -37,7 +37,7 @@ def text() -> str:
                 del part["anyOf"]
                 part["type"] = [kind, "null"]
     schema = {"$schema": DRAFT, "$id": PLACE, **made, "title": "The report of planish", "$defs": definitions}
-    return json.dumps(schema, indent=2, ensure_ascii=False) + "\n"
+    return {"report.schema.json": json.dumps(schema, indent=2, ensure_ascii=False) + "\n"}
 
 
 def _describe(definition: dict[str, Any], value: type) -> None:
@@ -61,4 +61,5 @@ def _parts(value: Any) -> Iterator[dict[str, Any]]:
 
 
 if __name__ == "__main__":
-    (Path(__file__).parent / "report.schema.json").write_text(text(), encoding="utf-8")
+    for name, text in texts().items():
+        (Path(__file__).parent / name).write_text(text, encoding="utf-8")

@@ -68,7 +68,8 @@ def test_the_library_names_no_flags():
 
 @pytest.mark.slow
 def test_settings_in_hints_are_flags_of_the_command_line():
-    known = set(re.findall(r"--[a-z0-9.-]+", (ROOT / "docs" / "cli.md").read_text()))
+    pages = (ROOT / "docs").glob("cli*.md")
+    known = {flag for page in pages for flag in re.findall(r"--[a-z0-9.-]+", page.read_text())}
     used = {
         as_flag(name)
         for path, tree in trees()

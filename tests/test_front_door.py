@@ -224,9 +224,12 @@ class TestFlatten:
         # both end within the solver's tolerance of the same sheet
         assert flat.size_mm == pytest.approx(expected.size_mm, rel=1e-6)
 
-    def test_units_that_cannot_be(self):
-        with pytest.raises(UsageError, match="one of mm, cm, m, in is wanted"):
-            planish.flatten(POINTS, FACES, units="auto")
+    @pytest.mark.parametrize("units", ["auto", "parsec", 2.0])
+    def test_units_that_cannot_be(self, units):
+        with pytest.raises(UsageError, match="mm, cm, m, in or a length"):
+            planish.flatten(POINTS, FACES, units=units)
+
+    def test_a_mesh_is_in_mm(self):
         with pytest.raises(UsageError, match="a Mesh is in mm"):
             planish.flatten(Mesh(POINTS, FACES), units="cm")
         with pytest.raises(UsageError, match="faces beside it"):

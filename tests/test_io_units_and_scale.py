@@ -5,9 +5,11 @@ import json
 import numpy as np
 import pytest
 
+import planish
 from planish.acquire.range_image.depth import along_axis
 from planish.acquire.range_image.grid import plausible_origin
 from planish.cli.acquire.common import scale_warnings
+from planish.cli.main import run
 from planish.errors import UsageError
 from planish.io import read_captures, read_cloud, read_depths, read_scan
 from planish.io.encode import png_bytes
@@ -56,6 +58,97 @@ def test_any_length_is_a_unit(tmp_path, unit, mm):
 def test_what_is_no_length_is_refused(unit):
     with pytest.raises(UsageError, match="unit"):
         mm_per_unit(unit)
+
+
+class TestScaleBar:
+    """A sheet in steps of 31.7 mm, which the program takes for inches."""
+
+    MM = 31.7
+
+    @pytest.fixture
+    def sheet(self, tmp_path):
+        mesh = sheet_scan().mesh
+        (tmp_path / "sheet.obj").write_text(obj(mesh.points / self.MM - 4, mesh.faces))
+        return tmp_path / "sheet.obj"
+
+    @pytest.fixture
+    def flatten(self, sheet, tmp_path, capsys):
+        """Run planish flatten; its report."""
+
+        def run_it(*options):
+            report = tmp_path / "report.json"
+            code = run(["flatten", str(sheet), "-o", str(tmp_path / "f.obj"), "--report", str(report), *options])
+            told = capsys.readouterr().err
+            return code, told, json.loads(report.read_text()) if report.exists() else None
+
+        return run_it
+
+    @pytest.fixture
+    def bar(self, sheet):
+        """Two points of the file's own numbers, and their distance in mm."""
+        points = read_scan(sheet, units="mm").scan.mesh.points
+        ends = points[0], points[-1]
+        return *ends, float(np.linalg.norm(ends[1] - ends[0])) * self.MM
+
+    def test_a_scale_and_a_scale_bar_give_the_true_size(self, flatten, bar):
+        true = planish.flatten(sheet_scan().mesh).size_mm
+        start, end, length = bar
+        assert min(*start, *end) < 0  # numbers below 0 are no flags
+        for options in (
+            ["--scale", str(self.MM)],
+            ["--scale-bar", *map(repr, map(float, [*start, *end, length]))],
+            ["--units", f"{self.MM}mm"],
+        ):
+            code, told, report = flatten(*options)
+            assert code == 0
+            assert report["scan"]["unit"] == "31.7mm"
+            assert sorted([report["page"]["width_mm"], report["page"]["height_mm"]]) == pytest.approx(
+                sorted(true),
+                rel=1e-5,  # six digits after the point of numbers up to 9
+            )
+            assert "unit-guessed" not in report["reason_codes"] + report["warning_codes"]
+            assert "unit" not in told
+
+    def test_without_them_the_unit_is_a_guess(self, flatten):
+        _, told, report = flatten()
+        assert report["scan"]["unit"] == "in"
+        assert "unit-guessed" in report["reason_codes"]
+        assert "taken as in" in told
+
+    def test_a_known_length_in_python(self, sheet, bar):
+        unit = planish.scale_bar(*bar)
+        assert planish.read_scan(sheet, units=unit).unit == "31.7mm"
+        mesh = planish.read_scan(sheet, units="mm").scan.mesh
+        flat = planish.flatten(mesh.points, mesh.faces, units=unit)
+        assert flat.size_mm == pytest.approx(planish.flatten(sheet_scan().mesh).size_mm, rel=1e-5)
+
+    @pytest.mark.parametrize(
+        ("options", "sentence"),
+        [
+            (["--scale", "2", "--units", "mm"], "give one of --units, --scale and --scale-bar"),
+            (["--scale", "2", "--scale-bar", *"0001112"], "give one of --units, --scale and --scale-bar"),
+            (["--scale", "0"], "--scale must be above 0, not 0"),
+            (["--scale", "-2"], "--scale must be above 0, not -2"),
+            (["--scale", "nan"], "--scale must be above 0, not nan"),
+            (["--scale-bar", *"0000005"], "the ends of the scale bar are 0 apart"),
+            (["--scale-bar", *"0001110"], "the scale bar is 0.0 mm long"),
+        ],
+    )
+    def test_what_cannot_be_is_refused(self, flatten, options, sentence):
+        code, told, report = flatten(*options)
+        assert (code, report) == (2, None)
+        assert told.startswith("planish: " + sentence)
+
+    @pytest.mark.parametrize("command", ["restore", "view", "acquire grid", "acquire points"])
+    def test_every_command_that_reads_coordinates_takes_them(self, command, sheet, tmp_path, capsys):
+        arguments = [*command.split(), str(sheet), "-o", str(tmp_path / ("s.ply" if "acquire" in command else "p.png"))]
+        assert run([*arguments, "--scale", "2", "--units", "mm"]) == 2
+        assert "give one of --units, --scale" in capsys.readouterr().err
+
+
+def test_a_scale_bar_of_no_place_is_refused():
+    with pytest.raises(planish.InputError, match="the end of the scale bar"):
+        planish.scale_bar((0, 0, 0), (1, np.nan, 0), 5)
 
 
 def test_a_length_named_in_a_comment():

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
         read_camera,
         read_photo,
         read_scan,
+        scale_bar,
         write_flat,
         write_json,
         write_page,
@@ -45,7 +46,7 @@ _WHERE = {
     **dict.fromkeys(("InputError", "OutputError", "PlanishError", "UsageError"), "planish.errors"),
     **dict.fromkeys(
         (
-            *("read_camera", "read_photo", "read_scan"),
+            *("read_camera", "read_photo", "read_scan", "scale_bar"),
             *("write_flat", "write_json", "write_page", "write_pages", "write_scan"),
         ),
         "planish.io",
@@ -85,6 +86,7 @@ __all__ = [
     "read_photo",
     "read_scan",
     "restore",
+    "scale_bar",
     "split_pages",
     "write_flat",
     "write_json",

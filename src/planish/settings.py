@@ -33,13 +33,12 @@ USUAL_SHEET_MM = 297.0
 """Long side that a sheet of unknown size is taken to have: that of A4."""
 Units = str
 """auto, mm, cm, m, in, or the length of a step of 1 in the file's numbers, such as 7.91um."""
-Unit = Literal["mm", "cm", "m", "in"]
 Pages = Literal["1", "2", "auto"]
 SheetRegion = Literal["auto", "all"]
 PageKind = Literal["tif", "png", "jpg", "pdf"]
 
 MM_PER_UNIT: dict[str, float] = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": MM_PER_INCH}
-"""Of every `Unit`."""
+"""Of units that files and users name."""
 _MM_PER_SYMBOL = {**MM_PER_UNIT, "nm": 1e-6, "um": 1e-3, "µm": 1e-3, "μm": 1e-3, "micron": 1e-3, "ft": 304.8, "km": 1e6}
 _LENGTH = re.compile(r"((?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)?\s*([a-zµμ]+)\Z", re.IGNORECASE)
 
@@ -61,7 +60,7 @@ def mm_per_unit(unit: str) -> float:
     >>> mm_per_unit("in"), mm_per_unit("7.91um"), mm_per_unit("0.1 mm")
     (25.4, 0.00791, 0.1)
     """
-    found = _LENGTH.match(unit.strip())
+    found = _LENGTH.match(str(unit).strip())  # Python users may give numbers
     symbol = found[2].lower() if found else ""
     if not found or symbol not in _MM_PER_SYMBOL:
         raise UsageError(
@@ -273,7 +272,7 @@ class BinarizeSettings(CheckedSettings):
         Side of the neighbourhood on the page: about one and a half times the line spacing.
     k : float or "auto"
         Sensitivity: how much darker than its neighbourhood ink must be. Larger values give thinner strokes and lose
-        faint print. auto: the best value for the method (docs/benchmarks.md has the table).
+        faint print. auto: the best value for the method (docs/benchmarks-pages.md has the table).
     """
 
     binarize: Binarization = "nick"

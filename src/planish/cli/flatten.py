@@ -7,8 +7,8 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from planish.cli.options import Output, Quiet, Verbose
-from planish.settings import FlattenSettings, RestoreSettings, Rotation, Units
+from planish.cli.options import FileUnit, Output, Quiet, Verbose
+from planish.settings import FlattenSettings, RestoreSettings, Rotation
 
 
 def flatten(
@@ -19,7 +19,7 @@ def flatten(
     as_: Annotated[Literal["points", "uv"], Parameter(name="--as")] = "points",
     uv: Literal["mm", "unit"] = "mm",
     triangles: bool = False,
-    units: Units = "auto",
+    file_unit: FileUnit = FileUnit(),
     flattening: Annotated[FlattenSettings, Parameter(name="*")] = FlattenSettings(),
     rotate: Rotation = "auto",
     viewpoint: tuple[float, float, float] | None = None,
@@ -47,8 +47,6 @@ def flatten(
         the same scale along the shorter.
     triangles
         Cut quads and larger faces into triangles. By default faces are written as they were read.
-    units
-        Unit of the mesh's coordinates. auto decides from the file and the size of the mesh, and prints its decision.
     rotate
         auto: portrait format. A number: clockwise rotation in degrees from the orientation of the scan.
     viewpoint
@@ -102,7 +100,7 @@ def flatten(
         start = perf_counter()
         progress("read", 0.0)
         named = sheet not in ("auto", "all")
-        loaded = read_scan(mesh, units=units, sheet=sheet if named else None)
+        loaded = read_scan(mesh, units=file_unit.unit(), sheet=sheet if named else None)
         notes(loaded.warnings)
         read_seconds = perf_counter() - start
         restoration = restore(

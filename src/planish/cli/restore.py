@@ -5,13 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-from cyclopts import Parameter
-
-from planish.cli.options import Output, Quiet, Verbose
+from planish.cli.options import FileUnit, Output, Quiet, Verbose
 from planish.cli.restore_options import Flags, RestoreOptions
-from planish.settings import Units
-
-Repeatable = Parameter(negative="")
 
 
 def restore(
@@ -19,9 +14,9 @@ def restore(
     /,
     *,
     output: Output,
-    photo: Annotated[list[Path], Repeatable] | None = None,
-    camera: Annotated[list[Path], Repeatable] | None = None,
-    units: Units = "auto",
+    photo: list[Path] | None = None,
+    camera: list[Path] | None = None,
+    file_unit: FileUnit = FileUnit(),
     restore_options: Annotated[RestoreOptions, Flags] = RestoreOptions(),
     mask: Path | None = None,
     binary: Path | None = None,
@@ -49,8 +44,6 @@ def restore(
     camera
         The camera of the photo (JSON), if the scan has no texture coordinates. For several photos: one per photo, in
         the same order, or one file with all of them by name.
-    units
-        Unit of the scan's coordinates. auto decides from the file and the size of the scan, and prints its decision.
     mask
         Also write a mask of the page as .png or .tif: 255 valid, 128 clipped in the photo, 0 missing.
     binary
@@ -80,7 +73,7 @@ def restore(
         scan=scan,
         photo=tuple(photo or ()),
         camera=tuple(camera or ()),
-        units=units,
+        units=file_unit.unit(),
         sheet=restore_options.sheet_mask,
         settings=restore_options.settings(),
         outputs=Outputs(

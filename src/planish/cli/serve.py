@@ -16,7 +16,7 @@ def serve(
     host: str = "127.0.0.1",
     port: int = 8008,
     public: Annotated[bool, Parameter(negative="")] = False,
-    allow_host: Annotated[list[str], Parameter(negative="")] | None = None,
+    allow_host: list[str] | None = None,
     data: Path | None = None,
     open_browser: OpenBrowser = None,
     limits: Annotated[ServeSettings, Parameter(name="*")] = ServeSettings(),

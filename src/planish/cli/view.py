@@ -7,10 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from planish.cli.options import OpenBrowser, Quiet, open_in_browser
-from planish.settings import Units
-
-Repeatable = Parameter(negative="")
+from planish.cli.options import FileUnit, OpenBrowser, Quiet, open_in_browser
 
 
 def view(
@@ -18,9 +15,9 @@ def view(
     /,
     *,
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
-    photo: Annotated[list[Path], Repeatable] | None = None,
-    camera: Annotated[list[Path], Repeatable] | None = None,
-    units: Units = "auto",
+    photo: list[Path] | None = None,
+    camera: list[Path] | None = None,
+    file_unit: FileUnit = FileUnit(),
     open_browser: OpenBrowser = None,
     overwrite: bool = True,
     quiet: Quiet = False,
@@ -42,8 +39,6 @@ def view(
         The photo, if the scan file does not reference it.
     camera
         The camera of the photo (JSON), if the scan has no texture coordinates.
-    units
-        Unit of the scan's coordinates.
     open_browser
         Open the file in the browser. By default only if there is a display.
     overwrite
@@ -60,7 +55,7 @@ def view(
     if result.suffix.lower() in (".html", ".htm") and result.is_file():
         open_in_browser(result.resolve().as_uri(), wanted=open_browser)
         return True
-    inputs = inputs_from_report(result)
+    inputs, units = inputs_from_report(result), file_unit.unit()
     if photo or camera or units != "auto":
         inputs = replace(inputs, photo=tuple(photo or ()), camera=tuple(camera or ()), units=units)
     out = output or _beside(result, inputs.scan)

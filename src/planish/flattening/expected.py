@@ -49,7 +49,7 @@ def expected_error(xy: Floats, sticks: Sticks, at_rest: Floats | None = None) ->
     short leave it. Noise moves a point along the sheet too, by the third term. What makes the whole sheet too small
     leaves no strain at all, so that it must be known from elsewhere: beta is what smoothing takes off the sheet's bends
     (`Sticks.bias_mm`). All were measured against the truth, see
-    docs/benchmarks.md; the expectation is good to a factor of two.
+    docs/benchmarks-noise.md; the expectation is good to a factor of two.
 
     Parameters
     ----------

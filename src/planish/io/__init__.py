@@ -14,6 +14,7 @@ from planish.io.ocr import check_ocr, text_layer, way_up
 from planish.io.pages import check_page_name, page_names, write_page, write_pages
 from planish.io.scan_write import write_scan
 from planish.io.scans import ReadScan, read_scan
+from planish.io.units import scale_bar
 from planish.io.unscaled import write_unscaled_page
 
 __all__ = [
@@ -38,6 +39,7 @@ __all__ = [
     "read_depths",
     "read_photo",
     "read_scan",
+    "scale_bar",
     "scaled_camera",
     "text_layer",
     "uv_unit_mm",

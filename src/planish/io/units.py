@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
 import re
+from typing import Any
 
 import numpy as np
 
 from planish.errors import InputError, UsageError
 from planish.settings import MM_PER_UNIT, mm_per_unit
-from planish.types import Diagnostic, Floats
+from planish.types import Diagnostic, Floats, check_place
 
 Unit = str
 """One of "mm", "cm", "m", "in", or a length such as "7.91um": so long is a step of 1 in the file's numbers."""
@@ -118,15 +120,61 @@ def decide_unit(points: Floats, asked: str, named: Unit | None) -> tuple[Unit, l
         return "mm", []
     unit = min(MM_PER_UNIT, key=lambda u: abs(np.log(diagonal * MM_PER_UNIT[u] / A4_MM)))
     size = diagonal * MM_PER_UNIT[unit]
+    if A4_MM / 4 < size < A4_MM * 4:
+        sentence = f"its numbers were taken as {unit}, which makes it {size:.3g} mm from corner to corner"
+        return unit, [Diagnostic("unit-guessed", f"the file names no unit; {sentence}", _IF_WRONG)]
     sentence = (
-        f"the file names no unit; its numbers were taken as {unit}, which makes it {size:.3g} mm from corner to corner"
+        f"the file names no unit, and none of mm, cm, m, in makes a usual page of it; its numbers were taken as"
+        f" {unit}: {size:.3g} mm from corner to corner, so sizes and dpi are right only up to a factor"
     )
-    if not A4_MM / 4 < size < A4_MM * 4:
-        sentence = (
-            f"the file names no unit, and none of mm, cm, m, in makes a usual page of it; its numbers were taken as"
-            f" {unit}: {size:.3g} mm from corner to corner, so sizes and dpi are right only up to a factor"
-        )
-    return unit, [Diagnostic("unit-guessed", sentence, _IF_WRONG)]
+    return unit, [Diagnostic("unit-guessed", sentence, "set {units}, or give a known length as {scale_bar}")]
+
+
+def unit_of_mm(mm: float) -> Unit:
+    """The unit that is so many mm long.
+
+    Examples
+    --------
+    >>> unit_of_mm(0.25)
+    '0.25mm'
+    """
+    return f"{mm:.9g}mm"
+
+
+def scale_bar(start: Any, end: Any, length_mm: float) -> Unit:
+    """The unit of a file's numbers from a known length in the scan: a scale bar or a ruler beside the sheet.
+
+    Parameters
+    ----------
+    start, end : (3,) array_like
+        Both ends, in the file's numbers.
+    length_mm : float
+        How far they are apart in space, in a straight line.
+
+    Returns
+    -------
+    str
+        Such as "0.25mm", to be given as `units`.
+
+    Raises
+    ------
+    UsageError
+        If both ends are one place, or the length is not above 0.
+    InputError
+        If an end is anything but three finite numbers.
+
+    Examples
+    --------
+    >>> scale_bar((1, 1, 0), (1, 401, 300), length_mm=100)
+    '0.2mm'
+    """
+    ends = np.array([check_place(start, "the start of the scale bar"), check_place(end, "the end of the scale bar")])
+    if not 0 < length_mm < np.inf:  # NaN too
+        raise UsageError(f"the scale bar is {length_mm} mm long; a length above 0 is wanted")
+    apart = math.dist(*ends)
+    if not 0 < apart < np.inf:
+        raise UsageError(f"the ends of the scale bar are {apart:g} apart; two places apart from each other are wanted")
+    return unit_of_mm(length_mm / apart)
 
 
 def sheet_diagonal(points: Floats) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from planish.mesh import faces_to_file_order, to_file_order
 from planish.pipeline.orient import to_upright_frame
 from planish.pipeline.prepare import prepare
 from planish.pipeline.stages import Progress, StageTimer, no_progress
-from planish.settings import MM_PER_UNIT, FlattenSettings, SheetRegion, Unit
+from planish.settings import FlattenSettings, SheetRegion, Units, mm_per_unit
 from planish.types import Diagnostic, Flattening, Mesh, PreparedScan, Scan, check_place
 
 STRETCHED = 1e-3
@@ -32,7 +32,7 @@ def flatten(
     settings: FlattenSettings | None = None,
     progress: Progress | None = None,
     *,
-    units: Unit = "mm",
+    units: Units = "mm",
     viewpoint: Any = None,
     **choices: Any,
 ) -> Flattening:
@@ -47,8 +47,9 @@ def flatten(
     settings : FlattenSettings, optional
     progress : callable, optional
         Called with (stage, share done), as `planish.restore` does.
-    units : {"mm", "cm", "m", "in"}
-        The unit of `points`; the result is in mm in any case. A `Mesh` is in mm.
+    units : {"mm", "cm", "m", "in"} or a length
+        The unit of `points`, or how long a step of 1 is, such as "7.91um"; `planish.scale_bar` makes it from a known
+        length. The result is in mm in any case. A `Mesh` is in mm.
     viewpoint : (3,) array_like, optional
         In the same unit. Where the scanner's rays come from: its errors are taken out along them. Range images that
         keep their order of points, row by row, show it by themselves.
@@ -83,8 +84,9 @@ def flatten(
     'unfolded'
     """
     settings = chosen(FlattenSettings, settings, choices)
-    mesh = _in_mm(points, faces, units)
-    eye = None if viewpoint is None else MM_PER_UNIT[units] * check_place(viewpoint, "the viewpoint")
+    step = _step_mm(units)
+    mesh = _in_mm(points, faces, step)
+    eye = None if viewpoint is None else step * check_place(viewpoint, "the viewpoint")
     stage = StageTimer(progress or no_progress)
     with stage("clean"):
         prepared = prepare(Scan.owned(mesh, viewpoint=eye))
@@ -95,20 +97,24 @@ def flatten(
     return replace(in_file_order(prepared, flat), warnings=(*prepared.warnings, *flat.warnings))
 
 
-def _in_mm(points: Any, faces: Any, units: Unit) -> Mesh:
+def _step_mm(units: Units) -> float:
+    """How many mm a step of 1 is; arrays have no unit that could be found by itself."""
+    try:
+        return mm_per_unit(units)
+    except UsageError:
+        raise UsageError(f"units is {units!r}; mm, cm, m, in or a length such as 7.91um is wanted") from None
+
+
+def _in_mm(points: Any, faces: Any, step_mm: float) -> Mesh:
     """The mesh that a user gave, in mm."""
-    if units not in get_args(Unit):
-        raise UsageError(f"units is {units!r}; one of {', '.join(get_args(Unit))} is wanted")
     if isinstance(points, Mesh):
         if faces is not None:
             raise UsageError("a whole mesh was given, and faces beside it; give points and faces, or the mesh alone")
-        if units != "mm":
-            raise UsageError(
-                f"units is {units!r}, but a Mesh is in mm already; give points and faces in their own unit"
-            )
+        if step_mm != 1:
+            raise UsageError("units is not mm, but a Mesh is in mm already; give points and faces in their own unit")
         return points
     mesh = Mesh(points, faces)
-    return mesh if units == "mm" else Mesh.owned(mesh.points * MM_PER_UNIT[units], mesh.faces)
+    return mesh if step_mm == 1 else Mesh.owned(mesh.points * step_mm, mesh.faces)
 
 
 def flatten_prepared(

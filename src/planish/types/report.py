@@ -43,7 +43,7 @@ class ScanReport:
         Counts of the file.
     pieces, holes : int
     unit : str
-        Unit of the file's coordinates, as read or guessed.
+        Unit of the file's coordinates, as given, read or guessed; a length such as 0.25mm is that of a step of 1.
     noise_mm : float or None
         Median standard deviation of the scanner's noise, where it was measured.
     noise_length_mm : float or None

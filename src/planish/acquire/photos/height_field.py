@@ -35,7 +35,7 @@ SMALLEST_BEND = 0.02
 angle of one degree between neighbouring cells."""
 BENDING, STRAIGHTNESS = 0.1, 5.0
 """Of the stiffness. With 0.3 and 5 the page of a crumpled sheet is 1.6 mm off instead of 1.4, that of an open book
-alike; with 0.03 and 2 noise is kept, and the open book comes out 1.5 % too large (docs/design-notes.md)."""
+alike; with 0.03 and 2 noise is kept, and the open book comes out 1.5 % too large (docs/design-notes-photos.md)."""
 HOP = 2.0
 """Second differences along rulings reach so many cells to both sides. With 1 the fold of a gutter stops short of the
 middle between its ends; with 3 pages are 0.05 to 0.1 mm truer than with 2, and a fit takes twice as long."""

@@ -36,7 +36,7 @@ NEAR_CELLS = 3.0
 """Places of the sheet are measured if something was, so near to them."""
 ALIKE = 0.88
 """Least share of the places of print at which a photo must agree with the others: 0.96 and more in sets of one sheet,
-at most 0.82 for the photos that do not belong to most others (docs/design-notes.md)."""
+at most 0.82 for the photos that do not belong to most others (docs/design-notes-photos.md)."""
 MOST_UNLIKE = 1 / 3
 """Share of the photos from which on unlike ones are not left out, but the set is refused."""
 WARNED_MM = 0.25

@@ -12,7 +12,12 @@ from planish.cli.acquire.laser_lines import laser_lines
 from planish.cli.acquire.photos import photos
 from planish.cli.acquire.points import points
 from planish.cli.acquire.virtual import virtual
+from planish.cli.app import EVERYWHERE
 
-app = App(name="acquire", help="Make a scan from the captures of a device, ready for `planish restore`.")
+app = App(
+    name="acquire",
+    help="Make a scan from the captures of a device, ready for `planish restore`.",
+    default_parameter=EVERYWHERE,
+)
 for command in (depth, grid, photos, points, gray_code, patterns, laser, laser_lines, virtual):
     app.command(command)

@@ -17,7 +17,7 @@ from planish.cli.acquire.common import (
     unit_of_cloud,
     write_acquired,
 )
-from planish.settings import Units
+from planish.cli.options import FileUnit
 
 
 def grid(
@@ -27,7 +27,7 @@ def grid(
     photo: Path | None = None,
     camera: Path | None = None,
     size: tuple[int, int] | None = None,
-    units: Units = "auto",
+    file_unit: FileUnit = FileUnit(),
     seen_from: tuple[float, float, float] | None = None,
     mask: Mask = "auto",
     files: ScanFiles,
@@ -46,9 +46,6 @@ def grid(
         The camera of the photo (JSON), in the world frame of the points; lengths in their unit.
     size
         Width and height of the range image, if neither the file nor the order of the points determines them.
-    units
-        Unit of the file's coordinates. auto: as the file says, otherwise decided from the size. A length such as
-        7.91um is one step of the coordinates.
     seen_from
         Position of the scanner, in the file's coordinates. Default: as the file says, or the origin, if it lies in
         front of the points; otherwise rows and columns are taken as seen from the printed side.
@@ -64,6 +61,7 @@ def grid(
     from planish.io import read_cloud
 
     check_scan_files(files)
+    units = file_unit.unit()
     with progress_bar(quiet=files.quiet) as progress:
         progress("read", 0.0)
         cloud = read_cloud(file)

@@ -20,7 +20,7 @@ def photos(
     paper: Paper = "unknown",
     width_mm: float | None = None,
     distance_mm: float | None = None,
-    between: Annotated[tuple[str, float, float, float, float] | None, Parameter(negative="")] = None,
+    between: tuple[str, float, float, float, float] | None = None,
     files: ScanFiles,
 ) -> None:
     """Make a scan from several photos of a sheet, taken from around. Needs the extra `planish[photos]`.

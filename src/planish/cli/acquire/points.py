@@ -17,7 +17,7 @@ from planish.cli.acquire.common import (
     unit_of_cloud,
     write_acquired,
 )
-from planish.settings import Units
+from planish.cli.options import FileUnit
 
 
 def points(
@@ -26,7 +26,7 @@ def points(
     *,
     photo: Path | None = None,
     camera: Path | None = None,
-    units: Units = "auto",
+    file_unit: FileUnit = FileUnit(),
     seen_from: tuple[float, float, float] | None = None,
     mask: Mask = "auto",
     files: ScanFiles,
@@ -41,9 +41,6 @@ def points(
         A photo for the page, with --camera. Default: one rendered from the colours of the points.
     camera
         The camera of the photo (JSON), in the world frame of the points; lengths in their unit.
-    units
-        Unit of the file's coordinates. auto: as the file says, otherwise decided from the size. A length such as
-        7.91um is one step of the coordinates.
     seen_from
         Any position on the printed side, in the file's coordinates. Default: as the file says, else the camera, else
         from the normals of the points, else the origin, if it lies in front of the points, else from +z.
@@ -59,6 +56,7 @@ def points(
     from planish.io import read_cloud
 
     check_scan_files(files)
+    units = file_unit.unit()
     if photo is not None and camera is None:
         raise UsageError("--photo needs --camera here, to project the points to it")
     with progress_bar(quiet=files.quiet) as progress:
