@@ -38,7 +38,7 @@ lint: $(READY)  ## style, imports that point one way, types
 	$(BIN)/lint-imports
 	$(BIN)/mypy
 
-bench: $(READY)  ## the figures of docs/benchmarks.md, anew (half an hour)
+bench: $(READY)  ## the figures of docs/benchmarks-*.md, anew (half an hour)
 	$(BIN)/python -m pip install --quiet --editable '.[bench]'
 	$(BIN)/python benchmarks/run_all.py
 
@@ -52,12 +52,13 @@ soak: $(READY)  ## an hour of mixed jobs, kills and damaged files, with memory a
 view:  ## the program of the page to look at, anew from its sources (needs node)
 	cd src/planish/view/web && npm ci --ignore-scripts --no-audit --no-fund && npm run check && npm run build
 
-docs: $(READY)  ## docs/cli.md, the manual page, the schema and the pictures, anew
+docs: $(READY)  ## docs/cli*.md, the manual page, the schema and the pictures, anew
 	$(BIN)/python docs/make_cli.py
 	$(BIN)/python docs/make_man.py
 	$(BIN)/python docs/make_schema.py
 	$(BIN)/python docs/make_picture.py
 	$(BIN)/python docs/make_solver_picture.py
+	$(BIN)/python docs/make_animation.py
 
 site: $(READY)  ## the documentation as a site in build/site/, without a warning
 	$(BIN)/python -m pip install --quiet --group docs
