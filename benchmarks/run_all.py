@@ -1,4 +1,4 @@
-"""Run every benchmark and write docs/benchmarks.md from what they print: python benchmarks/run_all.py [NAME ...].
+"""Run every benchmark and write docs/benchmarks-*.md from what they print: python benchmarks/run_all.py [NAME ...].
 
 With names (the scripts' stems) only those sections are made anew; the others stay as they are.
 """
@@ -11,12 +11,29 @@ import sys
 from pathlib import Path
 
 HERE = Path(__file__).parent
-PAGE = HERE.parent / "docs" / "benchmarks.md"
-HEAD = """# Benchmarks
+DOCS = HERE.parent / "docs"
+HEAD = """# {title}
 
-Made by `make bench`; each table by the command above it. Times are of one machine in one run: compare them within a
-table, not across tables. rms mm is over every point of the scan, after a rigid fit without scaling.
+How the tables are made, and how to read them: [benchmarks](benchmarks.md).
 """
+
+PAGES = {
+    "benchmarks-flattening.md": (
+        "Benchmarks: flattening",
+        "paper_table stability rest_lengths flattening unwrapping discs sensitivity random_sheets",
+    ),
+    "benchmarks-noise.md": ("Benchmarks: noise and the expected error", "noise expected_error"),
+    "benchmarks-pages.md": (
+        "Benchmarks: pages",
+        "restored_pages pages compare page_sense binarized sharpness shading colours curled_map",
+    ),
+    "benchmarks-devices.md": ("Benchmarks: devices and photos", "acquire laser photo photos photo_field"),
+    "benchmarks-verdicts.md": (
+        "Benchmarks: verdicts, and scans of others",
+        "verdicts surroundings cases batch batch_of_ten_thousand",
+    ),
+}
+"""Title and sections of every page, in their order. Sections that are not in `SECTIONS` are written by hand."""
 
 SECTIONS = {
     "paper_table": (
@@ -139,6 +156,13 @@ SECTIONS = {
         "noise in all directions 0.071 mm is what the points themselves are off along the sheet.",
         "--points 100000 300000 --peers LSCM",
     ),
+    "unwrapping": (
+        "Unwrapping a mesh, from file to file",
+        "A random mesh of a book page as OBJ, to an OBJ with texture coordinates, with the distortion of every "
+        "triangle. Clock, processors and greatest memory of the whole process, Python's start included; kernels were "
+        "compiled before.",
+        "--slim 100000 300000",
+    ),
     "sensitivity": (
         "What hangs on each threshold",
         "Every constant that something is compared with, halved and doubled, one at a time. Those with which nothing "
@@ -169,17 +193,29 @@ SECTIONS = {
 
 def main() -> None:
     asked = sys.argv[1:] or [name for name in SECTIONS if (HERE / f"{name}.py").exists()]
-    old = PAGE.read_text() if PAGE.exists() else ""
-    kept = dict(re.findall(r"<!-- (\w+) -->\n(.*?)(?=<!-- |\Z)", old, re.S))
-    for name in asked:
-        title, prose, *flags = SECTIONS[name]
-        print(f"{name} ...", flush=True)
-        command = [f"{HERE / name}.py", *" ".join(flags).split()]
-        said = subprocess.run([sys.executable, *command], capture_output=True, text=True, check=True)
-        shown = " ".join(["python", f"benchmarks/{name}.py", *flags])
-        kept[name] = f"## {title}\n\n{prose}\n\n    {shown}\n\n{said.stdout.strip()}\n\n"
-    order = [*(name for name in SECTIONS if name in kept), *(name for name in kept if name not in SECTIONS)]
-    PAGE.write_text(HEAD + "".join(f"\n<!-- {name} -->\n{kept[name].rstrip()}\n" for name in order))
+    for page, (title, names) in PAGES.items():
+        path = DOCS / page
+        old = path.read_text() if path.exists() else ""
+        kept = dict(re.findall(r"<!-- (\w+) -->\n(.*?)(?=<!-- |\Z)", old, re.S))
+        for name in [name for name in asked if name in names.split()]:
+            kept[name] = measured(name)
+            path.write_text(page_text(title, names, kept))
+
+
+def measured(name: str) -> str:
+    """A section of a page, from what its script prints now."""
+    title, prose, *flags = SECTIONS[name]
+    print(f"{name} ...", flush=True)
+    command = [f"{HERE / name}.py", *" ".join(flags).split()]
+    said = subprocess.run([sys.executable, *command], capture_output=True, text=True, check=True)
+    shown = " ".join(["python", f"benchmarks/{name}.py", *flags])
+    return f"## {title}\n\n{prose}\n\n    {shown}\n\n{said.stdout.strip()}\n\n"
+
+
+def page_text(title: str, names: str, kept: dict[str, str]) -> str:
+    """A page from those of its sections that there are."""
+    sections = [f"\n<!-- {name} -->\n{kept[name].rstrip()}\n" for name in names.split() if name in kept]
+    return HEAD.format(title=title) + "".join(sections)
 
 
 if __name__ == "__main__":
