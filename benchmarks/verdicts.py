@@ -17,12 +17,14 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 
 import surroundings
 from machine import machine
 from planish.errors import PlanishError
 from planish.gallery import sheet, sheet_mesh, virtual_scan
+from planish.gallery.scene_view import render_view
 from planish.io import read_scan, write_scan
 from planish.job import with_file_info
 from planish.job.photo_sheet import shapes_of_one
@@ -79,6 +81,9 @@ def tables() -> Iterator[Case]:
     ]:
         allowed = (LOOK,) if scene in ("second sheet", "thumb") else ()
         yield of_sheet(name, f"{name}, {scene}", "on a table", lambda s, n=name, c=scene: scene_scan(n, c), allowed)
+    for name, scene, corners in (("book", "white table", 7), ("book", "wood", 7), ("letter", "wood", 12)):
+        title, truth = f"{name}, {scene}, {corners} corners", "an outline drawn by hand"
+        yield of_sheet(name, title, truth, lambda s, n=name, c=scene, k=corners: outlined(n, c, k))
     everything = RestoreSettings(sheet="all", render=COARSE)
     for name in ("book", "letter"):
         truth = "on a table, and all of it asked for"
@@ -145,6 +150,17 @@ def scene_scan(name: str, scene: str) -> Scan:
     """Of `benchmarks/surroundings.py`, but with a quarter of its points and a sixth of its pixels."""
     surroundings.RANGE_RC, surroundings.ZOOM = (240, 320), 5.0
     return surroundings.scene_scan(name, scene)
+
+
+def outlined(name: str, scene: str, corners: int) -> Scan:
+    """The same with the outline that somebody draws on the photo who sets so many corners."""
+    scan = scene_scan(name, scene)
+    assert scan.camera is not None
+    paper = np.isfinite(render_view(sheet(name), scan.camera).page_xy[..., 0]).astype(np.uint8)
+    rim = max(cv2.findContours(paper, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0], key=len)
+    drawn = (cv2.approxPolyDP(rim, off, True) for off in range(1, 1000))
+    mask = cv2.fillPoly(np.zeros_like(paper), [next(one for one in drawn if len(one) <= corners)], 1)
+    return replace(scan, sheet=mask > 0)
 
 
 def without(scan: Scan, faces: np.ndarray) -> Scan:

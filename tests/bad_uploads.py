@@ -80,6 +80,13 @@ BAD = {  # name: (files, fields, status, a part of the sentence)
     "no outline": (PHOTO, {"outline": "the left"}, 422, "outline must be the photo's size"),
     "corner outside": (PHOTO, {"outline": "9x9 1,1 9,1 9,10"}, 422, "within the photo"),
     "huge outline": (PHOTO, {"outline": f"9x{10**99} 1,1 9,1 9,9"}, 422, "sides of 1 to 100000"),
+    "no view": (SCAN, {"cut": "9x9 1,1 9,1 9,9"}, 422, "cut must be the view's size"),
+    "cut twice": (
+        SCAN,
+        {"cut": "9x9 1,0,0,0 0,1,0,0 1,1 9,1 9,9", "outline": "9x9 1,1 9,1 9,9"},
+        422,
+        "outline and cut both say",
+    ),
     "one place": (PHOTO, {"distance-mm": "9", "between": "a.png,1,2"}, 422, "between must name"),
     "no HEIC": ([("scan", ("a.heic", b"x")), ("scan", ("b.png", png()))], {}, 415, "not a readable image"),
     "two cameras files, two photos": (

@@ -3,13 +3,15 @@
 import re
 import signal
 
+import numpy as np
 import pytest
 from PIL import Image
 from playwright.sync_api import expect
 
 from browser import Overheard, browser
 from planish.gallery import sheet, virtual_scan
-from planish.io import write_scan
+from planish.io import read_scan, write_scan
+from planish.web.outline import read_cut
 from serve_process import PATIENCE, Server
 
 pytestmark = pytest.mark.slow
@@ -199,6 +201,46 @@ def test_an_outline_is_of_the_pixels_that_the_program_reads(page, tmp_path):
         page.wait_for_selector("#limits:not(:empty)")
     page.unroute("**/api/jobs")
     assert [re.search(rb"\d+x\d+ ", body)[0] for body in sent] == [b"40x60 ", b"60x40 "]
+
+
+def test_a_scan_is_turned_and_cut(page, scan, tmp_path):
+    """On a phone, by touch: its points are turned, the outline is drawn on what is seen, and both are sent."""
+    page.set_input_files("#scan", [scan / f"my book.{suffix}" for suffix in ("obj", "mtl", "jpg")])
+    page.wait_for_selector("#cut:visible")
+    page.set_viewport_size({"width": 390, "height": 844})
+    page.click("#cut")
+    page.wait_for_selector("#turn[open]")
+    shown = (
+        "document.getElementById('turn-view').getContext('2d').getImageData(0, 0, 1000, 800).data.filter(v => v).length"
+    )
+    looks = [page.evaluate(shown)]
+    box = page.locator("#turn-view").bounding_box()
+    middle = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    for kind, x, y in (("pointerdown", 0, 0), ("pointermove", 0, -90), ("pointerup", 0, -90)):
+        at = {"clientX": middle[0] + x, "clientY": middle[1] + y, "pointerId": 1, "pointerType": "touch"}
+        page.dispatch_event("#turn-view", kind, at)
+    page.wait_for_timeout(100)  # a frame
+    looks.append(page.evaluate(shown))
+    assert 0 < looks[1] < 0.9 * looks[0]  # tilted, less of it is seen
+    assert_faultless(page, tmp_path, "turn")
+    page.click("[data-from=above]")
+    page.click("#turn-done")
+    drawn(page)
+    page.click("#mark-done")
+    page.wait_for_selector("text=The sheet has an outline of 4 corners")
+    sent = []
+    page.route("**/api/jobs", lambda route: (sent.append(route.request.post_data_buffer), route.abort()))
+    page.click("#send")
+    page.wait_for_selector("#refused:visible")
+    page.unroute("**/api/jobs")
+    page.reload()
+    page.wait_for_selector("#limits:not(:empty)")
+    cut = read_cut(re.search(rb'name="cut"\r\n\r\n([^\r]+)', sent[0])[1].decode())
+    mask, view = cut.mask_and_view()
+    mesh = read_scan(scan / "my book.obj").scan.mesh
+    col, row = np.rint(mesh.points @ view[:, :3].T + view[:, 3]).astype(int).T
+    inside = mask[row, col]
+    assert 0.5 < inside.mean() < 1  # the outline that it begins with leaves a rim of a twelfth out
 
 
 def test_a_scan_that_fails_keeps_the_chosen_files_for_another_try(page, tmp_path):

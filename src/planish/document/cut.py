@@ -59,10 +59,10 @@ def cut_to_outline(scan: Scan, mask: Bools, places: Floats) -> tuple[Scan, Bools
     left_out : (m,) bool
         Faces of the source that are not in it.
     """
-    depth = _depth_at(mask, places)
+    depth = depth_inside(mask, places)
     faces, points, photo_xy = scan.mesh.faces, scan.mesh.points, scan.photo_xy
     inside = at_places(mask, places) & (depth > 0)
-    sure = inside & (depth >= max(SURE_PX, _typical_length(places, faces, inside)))
+    sure = inside & (depth >= max(SURE_PX, typical_length(places, faces, inside)))
     if sure.any():
         points, hanging = _smooth_rim(points, places, faces, sure, inside)
         inside &= _reached(sure, faces) & ~hanging
@@ -73,9 +73,9 @@ def cut_to_outline(scan: Scan, mask: Bools, places: Floats) -> tuple[Scan, Bools
     ends = ends[inside[ends[:, 0]] & ~inside[ends[:, 1]]]
     if len(ends) and inside.any():
         points = points.copy()
-        edges = _Edges(places, depth, _typical_length(places, faces, inside))
+        edges = _Edges(places, depth, typical_length(places, faces, inside))
         outer, at = _crossings(ends, edges)
-        points[outer] = _continued(points, places, sure, inside, at)
+        points[outer] = continued(points, places, sure, inside, at)
         kept &= inside[faces].all(axis=1) | _worth_keeping(places, faces, inside, outer, at)
         if photo_xy is not None:
             photo_xy = _moved_places(photo_xy, faces, inside, edges)
@@ -101,7 +101,7 @@ def left_out_share(mesh: Mesh, left_out: Bools) -> float:
     return float(np.nansum(area[left_out]) / max(np.nansum(area), np.finfo(float).tiny))
 
 
-def _depth_at(mask: Bools, places: Floats) -> Floats:
+def depth_inside(mask: Bools, places: Floats) -> Floats:
     """(n,) distance of places inside of the outline [mask px]; negative outside, NaN where there is no place."""
     scale = min(1.0, LONG_PX / max(mask.shape))
     small = mask
@@ -164,15 +164,15 @@ def _smooth_rim(points: Floats, places: Floats, faces: Ints, sure: Bools, inside
     points, hanging = points.copy(), np.zeros(len(points), bool)
     rim = np.flatnonzero(inside & ~sure & np.isfinite(points).all(axis=1))
     if len(rim):
-        sheet = _continued(points, places, sure, inside, places[rim])
-        off = np.linalg.norm(points[rim] - sheet, axis=1) / _typical_length(points, faces, sure)
+        sheet = continued(points, places, sure, inside, places[rim])
+        off = np.linalg.norm(points[rim] - sheet, axis=1) / typical_length(points, faces, sure)
         hanging[rim] = off > 1
         mixed = (off > MIXED) & (off <= 1)
         points[rim[mixed]] = sheet[mixed]
     return points, hanging
 
 
-def _typical_length(points: Floats, faces: Ints, inside: Bools) -> float:
+def typical_length(points: Floats, faces: Ints, inside: Bools) -> float:
     """Median length of the edges within the sheet."""
     ends = faces[inside[faces].all(axis=1)][:, [0, 1, 1, 2]].reshape(-1, 2)
     return float(np.median(np.linalg.norm(np.diff(points[ends], axis=1)[:, 0], axis=1))) if len(ends) else np.inf
@@ -198,7 +198,7 @@ def _worth_keeping(places: Floats, faces: Ints, inside: Bools, outer: Ints, at: 
     return np.asarray(area * np.sign(usual) > SLIVER * abs(usual))
 
 
-def _continued(points: Floats, places: Floats, sure: Bools, inside: Bools, at: Floats) -> Floats:
+def continued(points: Floats, places: Floats, sure: Bools, inside: Bools, at: Floats) -> Floats:
     """(k, 3) the sheet at places on its outline: planes through the nearest of its points."""
     known = sure if sure.sum() >= NEIGHBOURS else inside
     rows = np.flatnonzero(known)

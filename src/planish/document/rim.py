@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from scipy import ndimage
 
-from planish.types import Bools, Floats
+from planish.types import Bools, Floats, Ints
 
 MASK_PX = 800
 """Long side of the small picture with which places on the photo are compared."""
@@ -93,13 +93,8 @@ def rim_drops(bright: Floats, mask: Bools, seen: Bools) -> Floats:
     if not outside.any() or not mask.any():
         return np.zeros(0)
     contrast = float(np.median(bright[mask]) - np.median(bright[outside]))
-    depth = ndimage.distance_transform_edt(mask) - ndimage.distance_transform_edt(~mask)
-    smooth = ndimage.gaussian_filter(depth, RIM_PX)
-    row, col = np.nonzero(np.abs(depth) < 1.1)
-    inwards = np.stack([ndimage.sobel(smooth, axis)[row, col] for axis in (0, 1)])
-    inwards /= np.maximum(np.hypot(*inwards), 1e-9)
+    at, inwards = rim_pixels(mask)
     reach = max(RIM_PX, RIM * max(mask.shape))
-    at = np.stack([row, col])
     within, beyond = (
         ndimage.map_coordinates(bright, at + s * reach * inwards, order=1, mode="nearest") for s in (1, -1)
     )
@@ -107,6 +102,22 @@ def rim_drops(bright: Floats, mask: Bools, seen: Bools) -> Floats:
     on_photo = (rows >= 0) & (rows < mask.shape[0]) & (cols >= 0) & (cols < mask.shape[1])
     counts = on_photo & outside[rows.clip(0, mask.shape[0] - 1), cols.clip(0, mask.shape[1] - 1)]
     return np.asarray((within - beyond)[counts] / max(contrast, 1e-9))
+
+
+def rim_pixels(mask: Bools) -> tuple[Ints, Floats]:
+    """(2, k) rows and columns of the pixels along the rim of a region, on both sides of it, and (2, k) the way inwards.
+
+    Examples
+    --------
+    >>> at, inwards = rim_pixels(np.arange(9) < np.full((5, 1), 4))
+    >>> np.unique(at[1]).tolist(), np.unique(inwards.round(2), axis=1).ravel().tolist()
+    ([3, 4], [0.0, -1.0])
+    """
+    depth = ndimage.distance_transform_edt(mask) - ndimage.distance_transform_edt(~mask)
+    smooth = ndimage.gaussian_filter(depth, RIM_PX)
+    at = np.stack(np.nonzero(np.abs(depth) < 1.1)).astype(np.int32)
+    inwards = np.stack([ndimage.sobel(smooth, axis)[tuple(at)] for axis in (0, 1)])
+    return at, np.asarray(inwards / np.maximum(np.hypot(*inwards), 1e-9))
 
 
 def largest_region(mask: Bools) -> Bools:

@@ -8,6 +8,7 @@ import numpy as np
 
 from planish.document.box_face import box_face
 from planish.document.cut import cut_to_outline, left_out_share, with_faces
+from planish.document.given_outline import doubtful_outline, without_ground
 from planish.document.hands import without_hands
 from planish.document.raised import raised_sheet
 from planish.document.rim import at_places, share_around, sticking_out, with_margin
@@ -21,6 +22,7 @@ from planish.document.sheet_outline import (
     whiteness,
 )
 from planish.document.top_view import picture, top_view
+from planish.document.view_cut import cut_in_view, outside_of_mask
 from planish.errors import InputError
 from planish.geometry import project
 from planish.geometry.axes import principal_axes
@@ -209,7 +211,7 @@ def _left_out(scan: Scan, cut: Scan, *, cut_off: bool = False, by_shape: bool = 
 
 
 def cut_to_mask(scan: Scan) -> tuple[Scan, list[Diagnostic]]:
-    """Reduce a scan to the faces that lie on its mask, `scan.sheet`, an image of the photo's proportions.
+    """Reduce a scan to the faces that lie on its mask, `scan.sheet`: of the photo's proportions, or on `sheet_view`.
 
     Raises
     ------
@@ -218,6 +220,8 @@ def cut_to_mask(scan: Scan) -> tuple[Scan, list[Diagnostic]]:
     """
     mask = scan.sheet
     assert mask is not None
+    if scan.sheet_view is not None:
+        return cut_in_view(scan, mask, scan.sheet_view)
     shape = scan.camera.shape_rc if scan.camera is not None else mask.shape
     shape = shape if scan.photo is None else scan.photo.shape
     if not takes_mask(scan):
@@ -235,12 +239,11 @@ def cut_to_mask(scan: Scan) -> tuple[Scan, list[Diagnostic]]:
         assert scan.camera is not None
         places = project(scan.camera, scan.mesh.points)
     places = _per_point(places, scan.mesh.faces, len(scan.mesh.points))
-    kept, left_out = cut_to_outline(scan, mask, (places + 0.5) * (mask.shape[1] / shape[1]) - 0.5)
+    places = (places + 0.5) * (mask.shape[1] / shape[1]) - 0.5
+    kept, left_out = cut_to_outline(scan, without_ground(mask, scan.mesh, places), places)
     if left_out.all():
         raise InputError("no part of the scan lies on the mask of the sheet; do mask and photo belong together?")
-    cut = left_out_share(scan.mesh, left_out)
-    sentence = f"{100 * cut:.0f} % of the scan lie outside of the mask of the sheet and were left out"
-    return kept, [Diagnostic("surroundings-left-out", sentence)]
+    return kept, [*doubtful_outline(mask, scan.photo, (scan.mesh, places)), outside_of_mask(scan.mesh, left_out)]
 
 
 def _picture(scan: Scan) -> _Picture | None:

@@ -33,11 +33,15 @@ class TopView:
         The face at every pixel, -1 for none.
     weights : (rows, cols, 2) float32
         Of its second and third corner.
+    right, down : (3,) float64
+        Directions in space of columns and rows.
     """
 
     places: Floats
     face: Ints
     weights: NDArray[np.float32]
+    right: Floats
+    down: Floats
 
 
 def top_view(scan: Scan, normal: Floats | None = None) -> TopView:
@@ -59,7 +63,7 @@ def top_view(scan: Scan, normal: Floats | None = None) -> TopView:
     places = np.stack([seen[:, 0] - low[0], high[1] - seen[:, 1]], axis=1) * px_per_mm
     cols, rows = (int(np.ceil(side * px_per_mm)) + 1 for side in (high - low)[:2])
     face, weights = rasterize(places, faces, (rows, cols), nearness=seen[:, 2] - low[2] + 1)
-    return TopView(places, face, weights)
+    return TopView(places, face, weights, up[0], -up[1])
 
 
 def picture(scan: Scan, view: TopView) -> Pixels | None:

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from planish.settings import RestoreSettings, Units
+
+if TYPE_CHECKING:
+    from planish.types import Bools, Floats
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,6 +63,8 @@ class Job:
         Unit of the scan's coordinates.
     sheet : Path or None
         Image that is white (not 0) where the photo shows the sheet.
+    cut : (mask, view) or None
+        Where a view of the scan from some side shows the sheet; see `Scan.sheet` and `Scan.sheet_view`.
     inside : Path or None
         For untrusted scans: files that the scan references are read from this folder only.
     settings : RestoreSettings
@@ -70,5 +76,6 @@ class Job:
     camera: tuple[Path, ...] = ()
     units: Units = "auto"
     sheet: Path | None = None
+    cut: tuple[Bools, Floats] | None = None
     inside: Path | None = None
     settings: RestoreSettings = field(default_factory=RestoreSettings)

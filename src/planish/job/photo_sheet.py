@@ -65,6 +65,7 @@ def shapes_of_one(
     outline : (rows, cols) uint8, optional
         Of the upright photo's proportions: 0 where it does not show the sheet. There it is taken to be dark ground.
     """
+    from planish.document.given_outline import doubtful_outline
     from planish.io import focal_length_px, read_photo
     from planish.photo import PhotoShape, find_shapes
 
@@ -72,6 +73,7 @@ def shapes_of_one(
     progress("read", 0.0)
     image = read_photo(file, upright=True)
     pixels = image.pixels if outline is None else on_dark_ground(image.pixels, outline)
+    doubts = [] if outline is None else doubtful_outline(outline > 0, image.pixels)
     read_at = perf_counter()
     progress("shape", 0.0)
     sheets = find_shapes(pixels, settings, focal_px=focal_length_px(file), icc=image.icc)
@@ -79,7 +81,7 @@ def shapes_of_one(
 
     def photographed(sheet: PhotoShape) -> PhotographedSheet:
         def complete(restoration: Restoration) -> Report:
-            warnings = [*image.warnings, *sheet.warnings, *restoration.report.warnings]
+            warnings = [*doubts, *image.warnings, *sheet.warnings, *restoration.report.warnings]
             return replace(restoration.report, photo=sheet.report, warnings=warnings)
 
         number = None if sheet.side is None else 1 + (sheet.side == "right")

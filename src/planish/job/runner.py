@@ -199,6 +199,9 @@ def _read_scan(job: Job) -> ReadScan:
             f"{job.scan} has no usable photo{why}",
             "give {photo}, or use `planish flatten` for the geometry alone",
         )
+    if job.cut is not None:
+        mask, view = job.cut
+        loaded = replace(loaded, scan=replace(loaded.scan, sheet=mask, sheet_view=view))
     return loaded
 
 

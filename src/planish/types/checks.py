@@ -161,6 +161,23 @@ def check_sides(given: object) -> tuple[float, float]:
     return float(sides[0]), float(sides[1])
 
 
+def check_view(given: object) -> Floats:
+    """A view from afar: (2, 4), column and row as functions of (x, y, z, 1).
+
+    Raises
+    ------
+    InputError
+        If it is of another shape, not finite, or flat: its directions of column and row must differ.
+    """
+    try:
+        view = np.asarray(given, np.float64)
+    except (TypeError, ValueError):
+        view = np.zeros(0)
+    if view.shape != (2, 4) or not np.isfinite(view).all() or not np.cross(view[0, :3], view[1, :3]).any():
+        raise InputError("sheet_view is wanted as (2, 4) finite numbers that map (x, y, z, 1) to column and row")
+    return frozen_copy(view, given)
+
+
 def check_mask(given: object) -> Bools:
     """The mask of a sheet as (rows, cols) bool, read-only: true where it is not 0.
 

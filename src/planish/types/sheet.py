@@ -21,6 +21,7 @@ from planish.types.checks import (
     check_places_on,
     check_points,
     check_sides,
+    check_view,
 )
 from planish.types.diagnostic import Diagnostic
 from planish.types.foreign_meshes import mesh_arrays
@@ -178,6 +179,9 @@ class Scan:
         Where the scanner's rays come from, if it is known that its errors lie along them.
     sheet : (h, w) bool or None
         Where `photo` shows the sheet, of its size or proportions; faces elsewhere are left out.
+    sheet_view : (2, 4) float64 or None
+        Where `sheet` is no mask on the photo but one on a view of the mesh from afar: column and row [px of `sheet`]
+        are this times (x, y, z, 1).
     paper_mm : (float, float) or None
         Sides of the paper, where its format is known and the mesh has its size: a page that is as large, but for the
         raggedness of a measured outline, is exactly so large.
@@ -195,6 +199,7 @@ class Scan:
     colours: Pixels | None = None
     viewpoint: Floats | None = None
     sheet: Bools | None = None
+    sheet_view: Floats | None = None
     paper_mm: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
@@ -213,6 +218,8 @@ class Scan:
             object.__setattr__(self, "viewpoint", check_place(self.viewpoint, "the viewpoint"))
         if self.sheet is not None:
             object.__setattr__(self, "sheet", check_mask(self.sheet))
+        if self.sheet_view is not None:
+            object.__setattr__(self, "sheet_view", check_view(self.sheet_view))
         if self.paper_mm is not None:
             object.__setattr__(self, "paper_mm", check_sides(self.paper_mm))
         for name in ("texture_of_face", "colours"):

@@ -37,7 +37,7 @@ ASK_FOR_A_LOOK = SCALE_GUESSED | {
     *("texture-outside-photo", "mask-unusable", "several-scans", "points-unused"),
     *("several-pieces", "pieces-apart", "faces-not-laid", "layers-passed", "overhang-hidden"),
     *("faces-flipped", "faces-overlap", "page-huge", "text-mirrored"),
-    *("surroundings-doubtful", "sheets-several", "box-face", "hand-left-out", "page-size-changed"),
+    *("surroundings-doubtful", "sheets-several", "box-face", "hand-left-out", "outline-doubtful", "page-size-changed"),
     *("split-in-middle", "split-crosses-print", "sheet-folded", "sides-bent", "lines-crooked"),
     *("sheet-cut", "page-incomplete", "page-extrapolated", "sheet-not-found", "sheet-outline-doubtful"),
     "page-not-made",

@@ -12,7 +12,7 @@ from docstring_parser import parse
 from planish.errors import UsageError
 from planish.job.settings_codec import SettingsError, decode_settings, json_schema
 from planish.settings import Paper, PhotoSettings, RestoreSettings, mm_per_unit
-from planish.web.outline import read_outline
+from planish.web.outline import read_cut, read_outline
 from planish.web.problems import HTTPProblem
 from planish.web.upload_request import Format
 from planish.web.wording import in_browser
@@ -41,6 +41,13 @@ class FormSettings:
     outline : str
         The sheet's outline on its photo, for a scan with one photo or one photo without a scan: the photo's size as a
         browser shows it, and corners in it [px], such as 400x300 12,30 390,40 200,290.
+    cut : str
+        The sheet's outline on a view of the scan from any side: the size of the view, what four numbers times
+        (x, y, z, 1) give the column, what give the row [px], and corners, such as
+        400x300 2,0,0,200 0,-2,0,150 12,30 390,40 200,290.
+    points_only : bool
+        Restore nothing: the only result is points.json, some points of the scan with their colours, to be turned and
+        cut in a browser.
     units : {"auto", "mm", "cm", "m", "in"} or a length
         Unit of the scan's coordinates. auto decides from the file and the size of the scan; a length such as 7.91um is
         that of a step of 1, for voxels.
@@ -57,12 +64,16 @@ class FormSettings:
     distance_mm: float | None = None
     between: str = ""
     outline: str = ""
+    cut: str = ""
+    points_only: bool = False
     units: str = "auto"
     view: bool = True
     formats: tuple[Format, ...] = ("tif", "png", "pdf")
 
     def __post_init__(self) -> None:
-        _ = self.size, read_outline(self.outline)
+        _ = self.size, read_outline(self.outline), read_cut(self.cut)
+        if self.outline and self.cut:
+            raise UsageError("outline and cut both say where the sheet is; give one of them")
         if self.units != "auto":
             mm_per_unit(self.units)
 

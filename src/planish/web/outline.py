@@ -1,4 +1,4 @@
-"""The outline of a sheet as drawn on its photo in the browser. Imports nothing of the web framework."""
+"""The outline of a sheet as drawn in the browser, on its photo or a view of its scan. No web framework here."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from planish.errors import UsageError
-from planish.types import Floats, Pixels
+from planish.types import Bools, Floats, Pixels
 
 FEWEST, MOST = 3, 60
 """Corners of an outline."""
@@ -43,6 +43,60 @@ class Outline:
         corners: Floats = np.array(self.corners) * [size[1] / self.width, size[0] / self.height]
         cv2.fillPoly(mask, [np.rint(corners).astype(np.int32)], 255)
         return mask
+
+
+@dataclass(frozen=True)
+class Cut:
+    """An outline on a view of the scan from afar.
+
+    Attributes
+    ----------
+    outline : Outline
+    view : tuple of 2 tuples of 4 floats
+        Column and row [px] are these times (x, y, z, 1), in mm.
+    """
+
+    outline: Outline
+    view: tuple[tuple[float, ...], tuple[float, ...]]
+
+    def mask_and_view(self) -> tuple[Bools, Floats]:
+        """(rows, cols) bool, and the view (2, 4) on its pixels."""
+        mask = self.outline.mask() > 0
+        scale = np.array([mask.shape[1] / self.outline.width, mask.shape[0] / self.outline.height])
+        view = np.array(self.view) * scale[:, None]
+        view[:, 3] += 0.5 * scale - 0.5  # pixel centres are at integers
+        return mask, view
+
+
+def read_cut(text: str) -> Cut | None:
+    """Read an outline on a view, such as ``400x300 2,0,0,200 0,-2,0,150 10,10 390,10 390,290``; None if there is none.
+
+    Raises
+    ------
+    UsageError
+        If the text is none.
+
+    Examples
+    --------
+    >>> cut = read_cut("4x3 2,0,0,1 0,-2,0,1 0,0 4,0 4,3")
+    >>> cut.outline.corners, cut.view[1]
+    (((0.0, 0.0), (4.0, 0.0), (4.0, 3.0)), (0.0, -2.0, 0.0, 1.0))
+    """
+    if not text:
+        return None
+    size, *rest = text.split()
+    try:
+        column, row = (tuple(float(number) for number in part.split(",")) for part in rest[:2])
+    except ValueError:
+        column, row = (), ()
+    outline = read_outline(" ".join([size, *rest[2:]]))
+    whole = len(column) == len(row) == 4 and bool(np.isfinite([column, row]).all())
+    if outline is None or not whole or not np.cross(column[:3], row[:3]).any():
+        raise UsageError(
+            "cut must be the view's size, two times four numbers for column and row, and corners, such as "
+            "400x300 2,0,0,200 0,-2,0,150 12,30 390,40 200,290"
+        )
+    return Cut(outline, (column, row))
 
 
 def read_outline(text: str) -> Outline | None:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
-from planish.errors import PlanishError
+from planish.errors import PlanishError, UsageError
 from planish.system import flush_to_disk
 from planish.types.verdict import Word
 from planish.web.restore_photos import restore_photos
@@ -17,7 +18,7 @@ from planish.web.wording import in_browser
 if TYPE_CHECKING:
     from planish.types import Report
 
-PREVIEW = "preview.jpg"
+PREVIEW, POINTS = "preview.jpg", "points.json"
 _PREVIEW_PX = 1600
 
 
@@ -40,13 +41,15 @@ def restore_upload(
     -------
     dict
         settled, outcome, verdict, reasons, warnings (other notes), figures (label, value, what is usual), files
-        (names).
+        (names). Where points of the scan alone were asked for, files only.
     """
     from planish.report import summary, usual
 
     os.chdir(folder)  # relative paths, so that no message or report reveals folders of the server
     out.mkdir()
     try:
+        if request.points_only:
+            return {"files": _write_points(out, request, progress)}
         reports = [_restore_scan(out, request, progress)] if request.scan else restore_photos(out, request, progress)
     except PlanishError as problem:
         raise type(problem)(problem.sentence.replace(f"{out}/", ""), problem.hint) from None
@@ -93,6 +96,7 @@ def _restore_scan(out: Path, request: UploadRequest, progress: Callable[[str, fl
     )
     job = Job(
         scan=Path(request.scan),
+        cut=None if request.cut is None else request.cut.mask_and_view(),
         photo=tuple(map(Path, request.photo)),
         camera=tuple(map(Path, request.camera)),
         units=request.units,
@@ -102,6 +106,21 @@ def _restore_scan(out: Path, request: UploadRequest, progress: Callable[[str, fl
         outputs=outputs,
     )
     return run(job, progress).report
+
+
+def _write_points(out: Path, request: UploadRequest, progress: Callable[[str, float], None]) -> list[str]:
+    """Write points of the scan that a browser can show, and cut."""
+    from planish.io import read_scan, write_bytes
+    from planish.web.scan_points import scan_points
+
+    if not request.scan:
+        raise UsageError("photos have no points to look at; send a scan")
+    progress("read", 0.0)
+    photo, camera = (list(map(Path, files)) or None for files in (request.photo, request.camera))
+    scan = read_scan(Path(request.scan), photo=photo, camera=camera, units=request.units, inside=Path()).scan
+    write_bytes(out / POINTS, json.dumps(scan_points(scan)).encode())
+    _fsync_all(out, [POINTS])
+    return [POINTS]
 
 
 def _preview(out: Path) -> None:

@@ -15,7 +15,7 @@ from planish.job.worker import InternalError, Limits, StoppedError, WorkerDiedEr
 from planish.settings import ServeSettings
 from planish.system import usable_cores
 from planish.web.fields import read_fields
-from planish.web.outline import read_outline
+from planish.web.outline import read_cut, read_outline
 from planish.web.restore_upload import restore_upload
 from planish.web.store import MAX_TRIES, Row, Store
 from planish.web.upload_request import UploadRequest
@@ -216,4 +216,6 @@ def _upload_request(row: Row) -> UploadRequest:
         view=form.view,
         formats=form.formats,
         outline=read_outline(form.outline),
+        cut=read_cut(form.cut),
+        points_only=form.points_only,
     )

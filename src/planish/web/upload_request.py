@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from planish.settings import PhotoSettings, RestoreSettings
-from planish.web.outline import Outline
+from planish.web.outline import Cut, Outline
 
 Format = Literal["tif", "png", "jpg", "pdf"]
 
@@ -31,6 +31,10 @@ class UploadRequest:
         Formats of the page.
     outline : Outline or None
         Of the sheet on its photo.
+    cut : Cut or None
+        Outline of the sheet on a view of its scan.
+    points_only : bool
+        Whether points of the scan to look at are all that is asked for.
     """
 
     scan: str
@@ -42,3 +46,5 @@ class UploadRequest:
     view: bool
     formats: tuple[Format, ...]
     outline: Outline | None = None
+    cut: Cut | None = None
+    points_only: bool = False

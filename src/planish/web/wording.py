@@ -28,6 +28,7 @@ HINTS = {
     "sheets-several": "draw the outline of another one on the photo to get that",
     "box-face": "draw the outline of another face on the photo to get that",
     "hand-left-out": "draw the sheet's outline on the photo if that is wrong",
+    "outline-doubtful": "compare its sides with the original, or draw it once more, with more corners along bent sides",
     "surroundings-left-out": "draw the sheet's outline on the photo if that is wrong",
     "unit-guessed": "choose the unit of the scan under Settings if that is wrong",
     "unit-overruled": "choose the unit of the scan under Settings if that is wrong",

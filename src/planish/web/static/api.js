@@ -17,6 +17,21 @@ export function send(form, report, signal) {
   });
 }
 
+/** Points of a scan to look at, by a job of their own that is deleted again; `form` has the scan's files. */
+export async function points(form) {
+  form.set("points-only", "true");
+  const { id } = await send(form, () => {}, new AbortController().signal);
+  try {
+    const ended = await new Promise((resolve) => {
+      follow(id, (state) => { if (!state || ["done", "failed"].includes(state.state)) resolve(state); });
+    });
+    if (ended?.state !== "done") throw new Refused(ended?.sentence || "The scan could not be read.");
+    return await (await fetch(ended.files[0].href)).json();
+  } finally {
+    remove(id);
+  }
+}
+
 function refusal(request) {
   return new Refused(request.response?.detail ?? `The service answered ${request.status}.`);
 }

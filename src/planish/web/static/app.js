@@ -5,11 +5,13 @@ import { isImage, recognize } from "./files.js";
 import { forget, kept, remember } from "./kept.js";
 import { mark } from "./mark.js";
 import { badge, byId, done, element, failed, sending, size, showSection, working } from "./show.js";
+import { turn } from "./turn.js";
 
 const POLL_MS = 3000;
 let chosen = [];
 let seen = { kind: "none", images: [], missing: null, sentence: "" };
-let marks = { outline: null, distance: null };
+let marks = { outline: null, distance: null, cut: null };
+let points = null; // of the chosen scan: { files, data }
 let unsubscribe = () => {};
 let upload = null;
 let limits = null;
@@ -56,23 +58,56 @@ async function changed() {
   byId("missing").querySelector("span").textContent = seen.missing ?? "";
   byId("size").hidden = !seen.kind.startsWith("photo");
   for (const part of byId("size").querySelectorAll(".several")) part.hidden = seen.kind !== "photos";
-  byId("marks").hidden = !canDraw();
+  if (seen.kind !== "scan" || (points && points.files !== filesKey())) marks.cut = points = null;
+  byId("marks").hidden = !canDraw() && !canCut();
+  byId("draw").hidden = !canDraw();
+  byId("cut").hidden = !canCut();
   showMarks();
 }
 
+const filesKey = () => [...chosen.map(({ name, size, lastModified }) => [name, size, lastModified]), byId("form").units.value].join();
+
 const canDraw = () => seen.images.length === 1 && ["photo", "scan"].includes(seen.kind);
 
+const canCut = () => seen.kind === "scan" && !seen.missing;
+
 function showMarks() {
-  const { outline, distance } = marks;
+  const { outline, distance, cut } = marks;
+  const corners = (outline ?? cut)?.points.length;
   byId("draw").textContent = outline ? "Change the outline" : "Draw the sheet’s outline";
-  byId("drawn").textContent = outline ? `The sheet has an outline of ${outline.points.length} corners; the rest is left out.` : "Only needed where the sheet is not plain to see.";
-  byId("erase").hidden = !outline;
+  byId("drawn").textContent = corners ? `The sheet has an outline of ${corners} corners; the rest is left out.` : "Only needed where the sheet is not plain to see.";
+  byId("erase").hidden = !corners;
   byId("measured").textContent = distance ? `${distance.distance} mm, on ${distance.file}` : "";
 }
 
 async function drawOutline() {
   const asStored = seen.kind === "scan"; // texture coordinates are of the pixels as stored
-  marks.outline = (await mark("outline", seen.images, { asStored, before: marks.outline })) ?? marks.outline;
+  const outline = await mark("outline", seen.images, { asStored, before: marks.outline });
+  if (outline) Object.assign(marks, { outline, cut: null });
+  showMarks();
+}
+
+/** Let the user turn the scan, and draw the sheet's outline on what is seen of it. */
+async function cutScan() {
+  const files = filesKey();
+  if (points?.files !== files) {
+    byId("cut").disabled = true;
+    byId("drawn").textContent = "Reading the scan…";
+    try {
+      const form = withFiles(new FormData());
+      form.set("units", byId("form").units.value || "auto");
+      points = { files, data: await api.points(form) };
+    } catch (problem) {
+      refuse(problem instanceof api.Refused ? problem.message : "The scan could not be read.");
+      return showMarks();
+    } finally {
+      byId("cut").disabled = false;
+    }
+    if (files !== filesKey()) return changed();
+  }
+  const turned = await turn(points.data);
+  const outline = turned && (await mark("outline", [turned.file]));
+  if (outline) Object.assign(marks, { cut: { ...outline, view: turned.view }, outline: null });
   showMarks();
 }
 
@@ -103,12 +138,17 @@ function formData() {
   if (seen.kind === "photo") form.delete("marker-mm");
   for (const [name, value] of [...form]) if (value === "") form.delete(name);
   const at = (points) => points.map((point) => point.join(","));
-  const { outline, distance } = marks;
+  const { outline, distance, cut } = marks;
   if (outline && canDraw()) form.set("outline", `${outline.width}x${outline.height} ${at(outline.points).join(" ")}`);
+  if (cut && canCut()) form.set("cut", `${cut.width}x${cut.height} ${at([...cut.view, ...cut.points]).join(" ")}`);
   if (distance && seen.kind === "photos") {
     form.set("distance-mm", distance.distance);
     form.set("between", [distance.file, ...at(distance.points)].join(","));
   }
+  return withFiles(form);
+}
+
+function withFiles(form) {
   for (const file of chosen) form.append("scan", file, file.name);
   return form;
 }
@@ -148,6 +188,7 @@ function show(job, id) {
   if (job.state === "done") {
     done(job);
     byId("redraw").hidden = !canDraw();
+    byId("recut").hidden = !canCut();
   } else if (job.state === "failed") failed(job.title, job.sentence);
   else working(job);
 }
@@ -221,13 +262,15 @@ byId("scan").addEventListener("change", (event) => { choose([...event.target.fil
 byId("photos").addEventListener("change", (event) => { choosePhotos([...event.target.files]); event.target.value = ""; });
 byId("add").addEventListener("click", () => byId("scan").click());
 byId("draw").addEventListener("click", drawOutline);
-byId("erase").addEventListener("click", () => { marks.outline = null; showMarks(); byId("draw").focus(); });
+byId("erase").addEventListener("click", () => { marks.outline = marks.cut = null; showMarks(); byId(canDraw() ? "draw" : "cut").focus(); });
+byId("cut").addEventListener("click", cutScan);
 byId("measure").addEventListener("click", markDistance);
 byId("size").addEventListener("change", (event) => oneSize(event.target));
 byId("form").addEventListener("submit", submit);
 byId("cancel").addEventListener("click", leave);
 byId("remove").addEventListener("click", leave);
 byId("redraw").addEventListener("click", () => { again(); drawOutline(); });
+byId("recut").addEventListener("click", () => { again(); cutScan(); });
 for (const button of document.querySelectorAll(".again")) button.addEventListener("click", again);
 for (const button of document.querySelectorAll(".another")) button.addEventListener("click", another);
 addEventListener("hashchange", route);
