@@ -195,11 +195,15 @@ def main() -> None:
     asked = sys.argv[1:] or [name for name in SECTIONS if (HERE / f"{name}.py").exists()]
     for page, (title, names) in PAGES.items():
         path = DOCS / page
-        old = path.read_text() if path.exists() else ""
-        kept = dict(re.findall(r"<!-- (\w+) -->\n(.*?)(?=<!-- |\Z)", old, re.S))
+        kept = sections(path.read_text()) if path.exists() else {}
         for name in [name for name in asked if name in names.split()]:
             kept[name] = measured(name)
             path.write_text(page_text(title, names, kept))
+
+
+def sections(page: str) -> dict[str, str]:
+    """The sections of a page, by name."""
+    return dict(re.findall(r"<!-- (\w+) -->\n(.*?)(?=<!-- |\Z)", page, re.S))
 
 
 def measured(name: str) -> str:
@@ -214,8 +218,8 @@ def measured(name: str) -> str:
 
 def page_text(title: str, names: str, kept: dict[str, str]) -> str:
     """A page from those of its sections that there are."""
-    sections = [f"\n<!-- {name} -->\n{kept[name].rstrip()}\n" for name in names.split() if name in kept]
-    return HEAD.format(title=title) + "".join(sections)
+    parts = [f"\n<!-- {name} -->\n{kept[name].rstrip()}\n" for name in names.split() if name in kept]
+    return HEAD.format(title=title) + "".join(parts)
 
 
 if __name__ == "__main__":

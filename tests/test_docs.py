@@ -18,13 +18,18 @@ LONGEST = 360
 """Lines of a page of the site: more want a topic of their own."""
 
 
+def script(path):
+    """A script of the project as a module."""
+    spec = importlib.util.spec_from_file_location(Path(path).stem, ROOT / path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("maker", ["make_cli", "make_man", "make_schema"])
 def test_what_is_made_from_the_program_is_current(maker):
-    spec = importlib.util.spec_from_file_location(maker, ROOT / "docs" / f"{maker}.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    for name, text in module.texts().items():
+    for name, text in script(f"docs/{maker}.py").texts().items():
         assert (ROOT / "docs" / name).read_text() == text, f"run: python docs/{maker}.py"
 
 
@@ -36,6 +41,16 @@ def test_every_flag_in_the_prose_exists():
             continue
         found = set(re.findall(r"(?<![\w-])--[a-z][a-z0-9.-]*[a-z0-9]", page.read_text()))
         assert found <= flags | other_programs, (page.name, found - flags - other_programs)
+
+
+def test_every_section_of_the_benchmarks_has_its_place():
+    run_all = script("benchmarks/run_all.py")
+    places = {name: page for page, (_, names) in run_all.PAGES.items() for name in names.split()}
+    assert set(run_all.SECTIONS) <= set(places)
+    for page in (ROOT / "docs").glob("benchmarks-*.md"):
+        title, names = run_all.PAGES[page.name]
+        kept = run_all.sections(page.read_text())
+        assert page.read_text() == run_all.page_text(title, names, kept)  # nothing would be lost, or move
 
 
 def test_exit_codes_in_the_docs_are_the_real_ones():
