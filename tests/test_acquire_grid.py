@@ -268,8 +268,13 @@ def test_a_scan_without_colours_can_be_drawn_and_flattened(bowl, tmp_path):
     assert preview(made).shape[0] == 900
     write_text([f"# width {SHAPE[1]} height {SHAPE[0]} units: mm"], " ")(tmp_path / "points.xyz", bowl)
     np.savetxt(tmp_path / "bare.xyz", rows_of(bowl)[0], header=f"width {SHAPE[1]} height {SHAPE[0]}")
-    assert run(["acquire", "grid", str(tmp_path / "bare.xyz"), "-o", str(tmp_path / "scan.ply"), "-q"]) == 0
-    assert read_scan(tmp_path / "scan.ply").scan.photo is None
+    command = ["acquire", "grid", str(tmp_path / "bare.xyz"), "-q", "-o"]
+    assert run([*command, str(tmp_path / "scan.ply")]) == 0
+    scan = read_scan(tmp_path / "scan.ply").scan
+    assert scan.photo is None
+    assert run([*command, str(tmp_path / "twice.ply"), "--scale", "2"]) == 0
+    twice = read_scan(tmp_path / "twice.ply").scan
+    np.testing.assert_allclose(np.ptp(twice.mesh.points, axis=0), 2 * np.ptp(scan.mesh.points, axis=0), rtol=1e-4)
 
 
 BAD = {
