@@ -104,6 +104,15 @@ def test_every_name_for_python_users_is_in_the_reference():
     assert set(shown) == set(planish.__all__)
 
 
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
+def test_no_page_names_an_entry_of_the_package_index_that_does_not_exist(page):
+    """Until planish is there, it is installed from a clone or a wheel; `pipx inject planish X` puts X beside it."""
+    for arguments in re.findall(r"\bpipx? (?:install|run)\b([^#`\n|]*)", page.read_text()):
+        assert not re.search(r"""(^|[\s'"])planish(\[|[\s'"]|$)(?!.*--spec)""", arguments.split(" planish demo")[0]), (
+            arguments
+        )
+
+
 def test_the_architecture_names_every_room_and_only_files_that_exist():
     source, text = ROOT / "src" / "planish", (ROOT / "docs" / "architecture.md").read_text()
     cells = re.findall(r"^\| ((?:`\w+`(?:, )?)+) \|", text, re.M)
