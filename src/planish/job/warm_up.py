@@ -14,13 +14,16 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from numba import get_num_threads
 from numba.core.caching import IndexDataCacheFile
 from numba.core.event import Event, Listener, install_listener
 
 from planish.system import OPEN_FILES_CAN_BE_LOCKED, lock_open_file
+
+if TYPE_CHECKING:
+    from planish.types import Scan
 
 
 def lock_kernel_cache() -> None:
@@ -95,12 +98,76 @@ def compile_from_both_ends(*, draw: bool = True) -> Iterator[None]:
 
 
 def load_kernels() -> None:
-    """Restore a small sheet, which loads the kernels of the default pipeline (the first time: compiles them)."""
+    """Restore and show a small sheet, which loads the kernels of that (the first time: compiles them)."""
     from planish.job import runner
+    from planish.view import view_page
 
     scan, _ = _small_scan()
     with compile_from_both_ends():
-        runner.restore(scan)
+        view_page(runner.restore(scan))
+
+
+def load_all_kernels() -> None:
+    """The same, and those of other sheets, kinds of scans and settings, and the measures of distortion.
+
+    Which kernels a sheet needs depends on its folds and its noise, so several are scanned, as `planish demo` does it.
+    """
+    from dataclasses import replace
+
+    from planish.gallery import sheet, virtual_scan
+    from planish.photo import find_shapes
+    from planish.pipeline import flatten, restore
+    from planish.report import distortion
+    from planish.settings import (
+        FlattenSettings,
+        PhotoSettings,
+        RenderSettings,
+        RestoreSettings,
+        ShadingSettings,
+        VerletSettings,
+    )
+
+    load_kernels()
+    scan, _ = _small_scan()
+    as_photo = RestoreSettings(
+        render=RenderSettings(sharpen=1.0, dpi=72), shading=ShadingSettings(shading="background")
+    )
+    for kind in _kinds(scan):
+        restore(kind, as_photo)
+    card = sheet("letter", width_mm=74, height_mm=105)
+    for shape, noise_mm in ((card, 0.05), (sheet("crumpled"), 0.2), (sheet("curl"), 0.0), (sheet("spread"), 0.05)):
+        seen = virtual_scan(shape, points=4000, photo_px=(600, 450), noise_mm=noise_mm).scan
+        restore(seen, RestoreSettings(render=RenderSettings(dpi=72), pages="auto"))
+        if shape is card:
+            restore(find_shapes(seen.photo, PhotoSettings(width_mm=card.width_mm))[0].scan, as_photo)
+    distortion(scan.mesh, flatten(scan.mesh))
+    few_steps = VerletSettings(max_steps=2, self_collision=True)
+    for settings in (
+        FlattenSettings(lengths="straight"),
+        FlattenSettings(lengths="unfolded"),
+        FlattenSettings(method="verlet", verlet=few_steps),
+        FlattenSettings(method="verlet", verlet=replace(few_steps, self_collision=False)),
+        FlattenSettings(method="mass-spring"),
+    ):
+        flatten(scan.mesh, settings=settings)
+
+
+def _kinds(scan: Scan) -> Iterator[Scan]:
+    """The same scan with a photo of 16 bits, with texture coordinates per corner, with several images, with colours."""
+    import numpy as np
+
+    from planish.types import Scan, Texture
+
+    photo, xy, mesh = scan.photo, scan.photo_xy, scan.mesh
+    assert photo is not None
+    assert xy is not None
+    corners = xy[mesh.faces]
+    halves = (mesh.faces[:, 0] % 2).astype(np.int32)
+    yield Scan(mesh, photo=photo.astype(np.uint16) * 257, photo_xy=xy)
+    yield Scan(mesh, photo=photo, photo_xy=corners)
+    images = tuple(Texture((photo.shape[0], photo.shape[1]), 8, lambda: photo) for _ in range(2))
+    yield Scan(mesh, photo_xy=corners, textures=images, texture_of_face=halves)
+    yield Scan(mesh, colours=np.full((len(mesh.points), 3), 200, np.uint8))
 
 
 def _draw() -> None:
