@@ -1,6 +1,7 @@
 """Outlines that were given, by hand or as masks: a page is good only where they follow an edge of the sheet."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -9,7 +10,9 @@ import pytest
 from planish.document.given_outline import doubtful_outline, share_without_edge
 from planish.document.surroundings import cut_to_mask
 from planish.gallery import typeset_page
+from planish.job.photo_sheet import shapes_of_one
 from planish.pipeline import prepare
+from planish.settings import PhotoSettings
 from scenes import CAMERA, seen, viewed
 
 
@@ -88,3 +91,15 @@ def test_where_the_scan_or_the_photo_ends_the_sheet_ends():
     whole = np.ones(scan.photo.shape[:2], bool)
     assert doubts(scan, whole) == []
     assert doubts(scan, grown(paper(), 8)) == []
+
+
+def test_the_outline_on_one_photo_is_looked_at_as_well(tmp_path, monkeypatch, restored_book):
+    """Its ground is made black before the sheet is sought, so that an edge is found wherever the outline runs."""
+    photo = np.full((300, 400, 3), 220, np.uint8)
+    cv2.imwrite(str(tmp_path / "photo.png"), photo)
+    outline = np.zeros((300, 400), np.uint8)
+    outline[40:260, 60:340] = 255
+    found = SimpleNamespace(side=None, scan=None, report=SimpleNamespace(scale="paper"), warnings=())
+    monkeypatch.setattr("planish.photo.find_shapes", lambda *_, **__: [found])
+    (sheet,) = shapes_of_one(tmp_path / "photo.png", PhotoSettings(paper="a4"), lambda stage, share: None, outline)
+    assert "outline-doubtful" in [warning.code for warning in sheet.complete(restored_book).warnings]

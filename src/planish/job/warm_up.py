@@ -138,7 +138,7 @@ def load_all_kernels() -> None:
     for shape, noise_mm in ((card, 0.05), (sheet("crumpled"), 0.2), (sheet("curl"), 0.0), (sheet("spread"), 0.05)):
         seen = virtual_scan(shape, points=4000, photo_px=(600, 450), noise_mm=noise_mm).scan
         restore(seen, RestoreSettings(render=RenderSettings(dpi=72), pages="auto"))
-        if shape is card:
+        if shape is card and seen.photo is not None:
             restore(find_shapes(seen.photo, PhotoSettings(width_mm=card.width_mm))[0].scan, as_photo)
     distortion(scan.mesh, flatten(scan.mesh))
     few_steps = VerletSettings(max_steps=2, self_collision=True)
