@@ -89,14 +89,14 @@ def read_cut(text: str) -> Cut | None:
         column, row = (tuple(float(number) for number in part.split(",")) for part in rest[:2])
     except ValueError:
         column, row = (), ()
-    outline = read_outline(" ".join([size, *rest[2:]]))
     whole = len(column) == len(row) == 4 and bool(np.isfinite([column, row]).all())
-    if outline is None or not whole or not np.cross(column[:3], row[:3]).any():
+    if not whole or not np.cross(column[:3], row[:3]).any():
         raise UsageError(
             "cut must be the view's size, two times four numbers for column and row, and corners, such as "
             "400x300 2,0,0,200 0,-2,0,150 12,30 390,40 200,290"
         )
-    return Cut(outline, (column, row))
+    outline = read_outline(" ".join([size, *rest[2:]]))
+    return None if outline is None else Cut(outline, (column, row))
 
 
 def read_outline(text: str) -> Outline | None:
