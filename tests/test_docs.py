@@ -14,7 +14,7 @@ from planish.cli.main import INTERRUPTED, NOT_GOOD, TERMINATED
 ROOT = Path(__file__).parent.parent
 PAGES = [*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")]
 COMMAND_LINE = "".join(page.read_text() for page in PAGES if page.name.startswith("cli"))
-LONGEST = 360
+LONGEST = 400
 """Lines of a page of the site: more want a topic of their own."""
 
 
