@@ -3,7 +3,8 @@ PYTHON ?= python3
 VENV   ?= .venv
 BIN    := $(VENV)/bin
 READY  := $(VENV)/.ready
-PYTEST := $(BIN)/python -m pytest -q --numprocesses auto --dist loadfile --no-loadscope-reorder
+WORKERS := $(shell echo $$(($$(nproc 2>/dev/null || echo 2) + 1)))
+PYTEST := $(BIN)/python -m pytest -q --numprocesses $(WORKERS) --dist loadfile --no-loadscope-reorder
 SECONDS := 600
 MINUTES := 60
 READERS := obj ply gltf tifxyz images depths captures cameras lasers clouds meshes foreign_cameras usd packed_gltf phone_photos
@@ -20,7 +21,7 @@ $(READY): pyproject.toml
 demo: $(READY)  ## scan a bound page virtually, restore it, show the numbers; see planish-demo/
 	$(BIN)/planish demo book -o planish-demo
 
-# As many processes as cores: libraries that would share out work among cores once more only wait for each other. Tests
+# One process more than cores, as tests wait for servers, browsers and clusters now and then. Libraries that would share out work among cores once more only wait for each other. Tests
 # start many programs; where those may not keep their bytecode, each compiles all of planish anew.
 test quick: export OPENBLAS_NUM_THREADS := 1
 test quick: export OMP_THREAD_LIMIT := 1

@@ -2,10 +2,12 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from planish.acquire.photos import surface
 from planish.acquire.photos.guidance import what_next
 from planish.acquire.photos.scan import PhotosScan, SourcePhoto, _of_one_sheet, from_photos
 from planish.errors import InputError, UsageError
@@ -15,6 +17,11 @@ from planish.pipeline import flatten
 from planish.settings import PhotoSettings
 
 pytest.importorskip("pycolmap")
+
+COARSE = tuple(
+    replace(level, cells=cells, rounds=1) for level, cells in zip(surface.LEVELS[:2], (60, 100), strict=True)
+)
+"""A surface of a quarter of the points in a third of the time; its sheet is as large to 0.1 %."""
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +37,9 @@ def sources(shoot):
 
 @pytest.fixture(scope="module")
 def found(sources) -> PhotosScan:
-    return from_photos(sources, PhotoSettings(marker_mm=40.0))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(surface, "LEVELS", COARSE)
+        return from_photos(sources, PhotoSettings(marker_mm=40.0))
 
 
 @pytest.mark.slow
@@ -121,8 +130,6 @@ def test_a_set_of_two_sheets_is_refused():
 def test_what_few_photos_saw_is_named(found):
     page = flatten(found.acquired.scan.mesh)
     corner = (page.page_xy[:, 0] < page.size_mm[0] / 3) & (page.page_xy[:, 1] > 2 * page.size_mm[1] / 3)
-    from dataclasses import replace
-
     short = replace(found, views=np.where(corner, 1, 5).astype(np.int32))
     notes = what_next(short, page.page_xy, page.size_mm)
     assert notes[0].code == "photos-missing"

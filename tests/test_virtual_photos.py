@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from planish.acquire.photos import surface
 from planish.acquire.photos.markers import corners_of, find_markers
 from planish.cli.acquire import virtual_photos
 from planish.cli.main import run
 from planish.io import focal_length_px, read_camera, read_photo
+from test_photos_scan import COARSE
 
 
 @pytest.mark.slow
@@ -43,7 +45,8 @@ def test_photos_and_their_cameras(tmp_path, monkeypatch):
 
 @pytest.mark.slow
 def test_the_demo_of_photos(tmp_path, monkeypatch, capsys):
-    """With five photos of 2 megapixels instead of ten of 7, for it to be done in a minute."""
+    """With five photos of 2 megapixels instead of ten of 7 and a coarse surface, for it to be done in half a minute."""
+    monkeypatch.setattr(surface, "LEVELS", COARSE)
     monkeypatch.setattr(virtual_photos, "COUNT", 5)
     monkeypatch.setattr(import_module("planish.gallery.photo_shoot"), "PHOTO_PX", virtual_photos.SMALL_PX)
     assert run(["demo", "photos", "-o", str(tmp_path)]) == 0
