@@ -125,7 +125,8 @@ def restores_shows_and_lists(page, tmp_path):
     page.wait_for_selector("#working:visible, #done:visible")
     page.wait_for_selector("#done:visible")
     assert_faultless(page, tmp_path, "done")
-    assert page.inner_text("#verdict") == "Good"
+    assert page.inner_text("#verdict") == "Look at it"  # the outline cuts off an eighth of the page
+    assert re.search("outline .* no edge of a sheet", page.inner_text("#reasons"))
     assert "outside of the mask of the sheet" in page.inner_text("#warnings")
     assert not re.search(r"--[a-z]|the field |sticks", page.inner_text("#done"))
     assert page.evaluate("[...document.querySelectorAll('#preview img')].every(image => image.naturalWidth > 0)")
@@ -136,7 +137,7 @@ def restores_shows_and_lists(page, tmp_path):
     assert all("my-book" in answer.headers["content-disposition"] for answer in answers)
     page.click(".another")
     page.wait_for_selector("#recent:visible >> text=my book.obj")
-    assert page.inner_text("#recent .badge") == "good"
+    assert page.inner_text("#recent .badge") == "look at it"
     assert page.locator("#chosen li").count() == 0
     page.click("#recent a")
     page.wait_for_selector("#done:visible")
