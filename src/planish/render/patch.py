@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from planish.geometry.linear import solve_symmetric
 from planish.parallel import thread_pool
 from planish.types import Floats, Ints
 
@@ -91,26 +92,33 @@ def _cubics(begin, end, page, values, start, ring, found):  # type: ignore[no-un
     A plane is fitted first and the cubic to what it leaves, so that a flat map stays flat where neighbours are few.
     """
     d = values.shape[1]
+    plane, cubic, term = np.empty((2, 2 + d)), np.empty((9, 9 + d)), np.empty(9)
+    most = 0
     for i in range(begin, end):
-        near = ring[start[i] : start[i + 1]]
+        most = max(most, start[i + 1] - start[i])
+    terms, left = np.empty((most, 9)), np.empty((most, d))
+    for i in range(begin, end):
+        count = start[i + 1] - start[i]
         reach = 0.0
-        for j in near:
+        for k in range(count):
+            j = ring[start[i] + k]
             reach = max(reach, np.hypot(page[j, 0] - page[i, 0], page[j, 1] - page[i, 1]))
         if reach == 0:
             continue
-        terms, left, term = np.empty((len(near), 9)), np.empty((len(near), d)), np.empty(9)
-        for k in range(len(near)):
-            j = near[k]
+        for k in range(count):
+            j = ring[start[i] + k]
             _terms((page[j, 0] - page[i, 0]) / reach, (page[j, 1] - page[i, 1]) / reach, terms[k])
-            left[k] = values[j] - values[i]
-        plane = _fitted(terms, left, 2)
-        for k in range(len(near)):
-            left[k] -= terms[k, 0] * plane[0] + terms[k, 1] * plane[1]
-        found[i] = _fitted(terms, left, 9)
-        found[i, :2] += plane
+            for s in range(d):
+                left[k, s] = values[j, s] - values[i, s]
+        _fit(terms, left, count, plane)
+        for k in range(count):
+            for s in range(d):
+                left[k, s] -= terms[k, 0] * plane[0, 2 + s] + terms[k, 1] * plane[1, 2 + s]
+        _fit(terms, left, count, cubic)
         _terms(1 / reach, 1 / reach, term)
         for r in range(9):
-            found[i, r] *= term[r]
+            for s in range(d):
+                found[i, r, s] = term[r] * (cubic[r, 9 + s] + (plane[r, 2 + s] if r < 2 else 0.0))
 
 
 @njit(cache=True)
@@ -122,21 +130,25 @@ def _terms(x, y, terms):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _fitted(terms, values, count):  # type: ignore[no-untyped-def]
-    """Weighted least squares by the first terms; a little pull to zero decides what too few neighbours leave open."""
-    d = values.shape[1]
-    left, right = PULL * np.eye(count), np.zeros((count, d))
-    for r in range(5, count):
-        left[r, r] = PULL_CUBIC
-    for k in range(len(terms)):
+def _fit(terms, values, points, system):  # type: ignore[no-untyped-def]
+    """Weighted least squares by the first terms; a little pull to zero decides what too few neighbours leave open.
+
+    `system` is (terms, terms + d), and ends with the factors in its last d columns.
+    """
+    count, d = len(system), values.shape[1]
+    for r in range(count):
+        for s in range(count + d):
+            system[r, s] = 0.0
+        system[r, r] = PULL if r < 5 else PULL_CUBIC
+    for k in range(points):
         square = terms[k, 0] ** 2 + terms[k, 1] ** 2
         weight = 1 / square if square > 0 else 0.0  # the point itself is met exactly, whatever the slopes
         for r in range(count):
-            for s in range(count):
-                left[r, s] += weight * terms[k, r] * terms[k, s]
+            for s in range(r, count):
+                system[r, s] += weight * terms[k, r] * terms[k, s]
             for s in range(d):
-                right[r, s] += weight * terms[k, r] * values[k, s]
-    return np.linalg.solve(left, right)
+                system[r, count + s] += weight * terms[k, r] * values[k, s]
+    solve_symmetric(system)
 
 
 @njit(cache=True, nogil=True)

@@ -8,9 +8,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from planish.geometry.linear import solve_symmetric
 from planish.geometry.vectors import dot, minus, row, tangents
 from planish.parallel import ParallelFor
-from planish.surface.noise_scale import UNKNOWNS, solve_symmetric
+from planish.surface.noise_scale import UNKNOWNS
 from planish.surface.normals import AREA, OneRing, VertexRecords
 from planish.types import Floats, Ints
 

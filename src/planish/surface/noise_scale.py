@@ -9,6 +9,7 @@ import numpy as np
 from numba import njit
 
 from planish.geometry.guards import TINY
+from planish.geometry.linear import solve_symmetric
 from planish.geometry.vectors import dot, minus, plus, row, tangents, unit
 from planish.parallel import ParallelFor
 from planish.surface.normals import AREA, OneRing, VertexRecords
@@ -162,24 +163,6 @@ def _fit_patch(i, near, count, points, rows, terms, residual, matrix):  # type: 
     for q in range(count):
         for x in range(UNKNOWNS):
             residual[q] -= matrix[x, UNKNOWNS] * terms[q, x]
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def solve_symmetric(matrix):  # type: ignore[no-untyped-def]
-    """Solve a positive definite system, given by its upper half and the right side beside it, in place."""
-    n = matrix.shape[0]
-    for x in range(n):
-        matrix[x, x] += 1e-9 * (matrix[0, 0] + matrix[x, x]) + TINY
-        for y in range(x):
-            matrix[x, y] = matrix[y, x]
-    for x in range(n):
-        for y in range(n):
-            if y != x:
-                factor = matrix[y, x] / matrix[x, x]
-                for c in range(x, n + 1):
-                    matrix[y, c] -= factor * matrix[x, c]
-    for x in range(n):
-        matrix[x, n] /= matrix[x, x]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

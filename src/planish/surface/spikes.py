@@ -8,11 +8,12 @@ import numpy as np
 from numba import njit
 
 from planish.geometry.guards import TINY
+from planish.geometry.linear import solve_symmetric
 from planish.geometry.quantile import quantile
 from planish.geometry.vectors import dot, minus, plus, row, tangents, times, unit
 from planish.parallel import ParallelFor
 from planish.surface.noise import ring_noise, robust_sigma
-from planish.surface.noise_scale import UNKNOWNS, solve_symmetric
+from planish.surface.noise_scale import UNKNOWNS
 from planish.surface.normals import AREA, OneRing, VertexRecords
 from planish.types import Floats, Ints
 
