@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from planish.errors import InputError
-from planish.io import read_scan
+from planish.io import images, read_scan
 from planish.io.cameras import camera_as_json, read_camera
 from planish.io.captures import image_files
 from planish.io.depths import read_depths
@@ -171,6 +171,30 @@ def test_an_image_that_says_it_is_huge_is_refused_before_it_fills_the_memory(kin
     assert size in PHOTOS[kind]
     with pytest.raises(InputError, match=r"no photo fits so many into|more pixels than are read of a WebP"):
         decode_photo("photo", PHOTOS[kind].replace(size, struct.pack(f"{order}H", 16_000) * 2))
+
+
+def test_a_chunk_of_a_png_that_says_it_is_huge_takes_no_memory():
+    """OpenCV, which reads 16 bits, took 1.3 GB for it; Pillow, which looks first, passes over it."""
+    good = PHOTOS["16 bit png"]
+    header = 8 + 25
+    with pytest.raises(InputError, match=r"damaged or was cut short"):
+        decode_photo("photo", good[:header] + struct.pack(">I", 0x5000_0000) + b"tEXt" + good[header:])
+    with pytest.raises(ValueError, match=r"one of its chunks claims 1,342,177,280 bytes"):
+        images._by_opencv(good[:-12] + struct.pack(">I", 0x5000_0000) + b"tEXt")
+
+
+def test_a_tiff_of_64_bit_numbers_is_one_grid_and_no_larger_than_its_file():
+    """Pillow does not know these, so its checks of sizes do not hold for them."""
+    numbers = np.arange(80.0).reshape(8, 10)
+    np.testing.assert_array_equal(decode_grid("depth", tiff(numbers)), numbers)
+    with pytest.raises(InputError, match=r"numbers in the shape \(3, 8, 10\)"):
+        decode_grid("depth", tiff(np.stack([numbers] * 3), photometric="rgb", planarconfig="separate"))
+    width, rows = (struct.pack("<HHII", tag, 4, 1, size) for tag, size in ((256, 10), (257, 8)))
+    data = tiff(numbers, byteorder="<")
+    assert width in data
+    data = data.replace(width, width[:8] + struct.pack("<I", 15_000)).replace(rows, rows[:8] + struct.pack("<I", 9_000))
+    with pytest.raises(InputError, match="15000 x 9000 pixels, but no photo fits so many"):
+        decode_grid("depth", data)
 
 
 @pytest.mark.parametrize("kind", ["tiff", "16 bit png", "16 bit tiff"])

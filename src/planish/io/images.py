@@ -44,6 +44,9 @@ PLAUSIBLE_MEGAPIXELS, PLAUSIBLE_PACKING = 16.0, 2000.0
 """A larger image, packed more tightly, was damaged or made to fill the memory: photos are packed into a tenth or a
 hundredth of their bytes, and Deflate at its best packs white paper into a thousandth."""
 
+_IMPLAUSIBLE = (
+    "{} says that it has {} x {} pixels, but no photo fits so many into {} bytes; is the file damaged or cut short?"
+)
 _BYTES_PER_PIXEL = {8: 10.0, 16: 16.0}
 """That decoding takes, by the bits of the file's colours: the decoder's pixels and one or two copies of ours."""
 
@@ -244,28 +247,24 @@ def _grid_by_tifffile(name: str, data: bytes) -> NDArray:
         page = file.pages.first
         rows, cols = page.imagelength, page.imagewidth
         _check_pixels(name, cols, rows, fewest=1)
+        if page.shape not in ((rows, cols), (rows, cols, page.samplesperpixel)):
+            raise InputError(f"{name} is a TIFF of numbers in the shape {page.shape}; one number a pixel is wanted")
         per_pixel = page.samplesperpixel * page.bitspersample / 8
-        _check_bytes(name, cols, rows, per_pixel, 2 * per_pixel, data)
+        if rows * cols * per_pixel > PLAUSIBLE_PACKING * len(data):
+            raise InputError(_IMPLAUSIBLE.format(name, cols, rows, len(data)))
+        check_memory(2 * rows * cols * per_pixel, name, "give a smaller file")
         return np.asarray(page.asarray())
 
 
 def _check_size(name: str, image: Image.Image, data: bytes, fewest: int = FEWEST_PIXELS) -> None:
     width, height = image.size
     _check_pixels(name, width, height, fewest)
-    bands = 1 / 8 if image.mode == "1" else len(image.getbands())
-    per_pixel = _BYTES_PER_PIXEL[16 if _has_sixteen_bits(data, image) else 8]
-    _check_bytes(name, width, height, bands, per_pixel, data)
-
-
-def _check_bytes(name: str, width: int, height: int, unpacked: float, needed: float, data: bytes) -> None:
-    """Check the bytes of a pixel, unpacked and needed on the way, against the file's and against the free memory."""
     megapixels = width * height / 1e6
-    if megapixels > PLAUSIBLE_MEGAPIXELS and width * height * unpacked > PLAUSIBLE_PACKING * len(data):
-        raise InputError(
-            f"{name} says that it has {width} x {height} pixels, but no photo fits so many into {len(data)} bytes; is"
-            " the file damaged or cut short?"
-        )
-    check_memory(width * height * needed, f"{name} with its {megapixels:.0f} megapixels", "give a smaller photo")
+    unpacked = width * height * (1 / 8 if image.mode == "1" else len(image.getbands()))
+    if megapixels > PLAUSIBLE_MEGAPIXELS and unpacked > PLAUSIBLE_PACKING * len(data):
+        raise InputError(_IMPLAUSIBLE.format(name, width, height, len(data)))
+    per_pixel = _BYTES_PER_PIXEL[16 if _has_sixteen_bits(data, image) else 8]
+    check_memory(width * height * per_pixel, f"{name} with its {megapixels:.0f} megapixels", "give a smaller photo")
 
 
 def _check_pixels(name: str, width: int, height: int, fewest: int = FEWEST_PIXELS) -> None:
@@ -332,12 +331,23 @@ def _by_opencv(data: bytes) -> NDArray[np.uint16]:
     """16 bit pixels, red first."""
     import cv2
 
+    _check_chunks(data)
     pixels = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     if pixels is None or pixels.dtype != np.uint16:
         raise ValueError("its 16 bit pixels cannot be decoded")
     if pixels.ndim == 3 and pixels.shape[2] >= 3:
         pixels = pixels[..., [2, 1, 0, 3][: pixels.shape[2]]]
     return np.asarray(pixels)
+
+
+def _check_chunks(data: bytes) -> None:
+    """Check that no chunk of a PNG claims more bytes than the file has: OpenCV takes the memory before it looks."""
+    place = 8  # after the signature
+    while place + 8 <= len(data) and data.startswith(b"\x89PNG"):
+        length = int.from_bytes(data[place : place + 4], "big")
+        if length > len(data):
+            raise ValueError(f"one of its chunks claims {length:,} bytes")
+        place += length + 12  # with its length, kind and check sum
 
 
 def _by_tifffile(data: bytes, image: Image.Image) -> NDArray[np.uint16]:
