@@ -2,7 +2,7 @@
 
 Each is bent in one of the gallery's ways and has some of: noise (white; for every second sheet mixed with shared noise,
 ripple, steps and spikes), holes, cuts, an odd outline, slivers, flipped and doubled faces, points that are no numbers,
-a second piece, another scale. The same that the tests run four hundred of (tests/random_sheets.py): an answer that is
+a second piece, another scale. The same that the tests run two hundred of (tests/random_sheets.py): an answer that is
 not finite, or that keeps quiet about a flipped face or an overlap, ends the run. Prints a Markdown table.
 """
 

@@ -189,6 +189,10 @@ def test_a_tiff_of_64_bit_numbers_is_one_grid_and_no_larger_than_its_file():
     np.testing.assert_array_equal(decode_grid("depth", tiff(numbers)), numbers)
     with pytest.raises(InputError, match=r"numbers in the shape \(3, 8, 10\)"):
         decode_grid("depth", tiff(np.stack([numbers] * 3), photometric="rgb", planarconfig="separate"))
+    bits = struct.pack("<HHIH", 258, 3, 1, 32)
+    four = tiff(numbers.astype(np.float32), byteorder="<").replace(bits, bits[:8] + b"\4\0")
+    with pytest.raises(InputError, match=r"numbers in the shape \(0,\)"):  # floats of 4 bits, which nothing decodes
+        decode_grid("depth", four)
     width, rows = (struct.pack("<HHII", tag, 4, 1, size) for tag, size in ((256, 10), (257, 8)))
     data = tiff(numbers, byteorder="<")
     assert width in data

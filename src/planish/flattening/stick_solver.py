@@ -24,6 +24,7 @@ from planish.geometry.rigid_fit import fit_rigid
 from planish.mesh import LEAST_HEIGHT, Topology, relative_heights
 from planish.parallel import ParallelFor, thread_pool
 from planish.settings import MultigridSettings
+from planish.sticks import face_strain
 from planish.types import Diagnostic, Floats, Ints, Mesh, Outcome, Sticks
 
 CRUSHED = 0.05
@@ -36,6 +37,10 @@ least this part of that side and none of its sides is shorter than so many media
 NO_PAPER = 0.01
 """Rms relative error of the sticks from which on a sheet is looked at as a surface that cannot lie flat: paper with 0.2
 mm of noise, in points 1.4 mm apart, ends at 0.6 %."""
+
+FINEST_STEPS = 20
+"""A mesh's steps are at most so much smaller in one direction than in the other; the error of the sticks is then at
+least this part of the strain of its triangles."""
 
 PREFERRED = 0.9
 """Of two layouts of a surface that cannot lie flat the one whose worst edge is bounded is taken, up to 1 / this times
@@ -112,7 +117,7 @@ def solve_sticks(
             xy, faces, found, sticks, s, parallel_for, lambda share: tell(0.3 + 0.65 * share)
         )
         failed = outcome is not Outcome.SETTLED or aligned is Outcome.DIVERGED
-        if failed or residuals[-1] > NO_PAPER:
+        if failed or _is_no_paper(residuals[-1], xy, faces, found, sticks):
             xy, outcome, residuals = _not_as_paper(
                 mesh, topology, sticks, piece, s, (xy, outcome, residuals), parallel_for
             )
@@ -186,6 +191,19 @@ def _bring_to_rest(
             xy = opened
             energies = np.append(energies, energy(net, xy, parallel_for)[0])
     return xy, outcome, _relative(energies, sticks)
+
+
+def _is_no_paper(residual: float, xy: Floats, faces: Ints, topology: Topology, sticks: Sticks) -> bool:
+    """Whether the sticks, or the triangles, each by its area, are strained as on no paper.
+
+    The residual counts sticks by their lengths, and so passes over short ones of a mesh whose steps differ much along
+    rows and columns. Raw lengths say nothing of triangles: noise strains their short sides as much.
+    """
+    if residual > NO_PAPER or sticks.noise_mm is None or residual < NO_PAPER / FINEST_STEPS:
+        return residual > NO_PAPER
+    edges = slice(sticks.edges)
+    of_faces = face_strain(xy, sticks.pairs[edges], sticks.rest[edges], topology.face_edges)
+    return bool(np.average(of_faces**2, weights=np.abs(signed_areas(xy, faces))) > NO_PAPER**2)
 
 
 def _lay_faces(xy: Floats, mesh: Mesh, topology: Topology, sticks: Sticks, piece: Ints) -> tuple[Floats, int]:

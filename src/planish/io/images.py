@@ -174,12 +174,16 @@ def decode_grid(name: str, data: bytes, kind: Literal["TIFF", "PNG"] = "TIFF") -
         try:
             image = _open(data, [kind])
         except Image.UnidentifiedImageError:
-            if kind == "TIFF" and data.startswith(_TIFF_MARKS):
-                return _grid_by_tifffile(name, data)
-            raise
-        _check_size(name, image, data, fewest=1)
-        image.load()
-        return np.array(image)
+            if kind != "TIFF" or not data.startswith(_TIFF_MARKS):
+                raise
+            grid = _grid_by_tifffile(name, data)
+        else:
+            _check_size(name, image, data, fewest=1)
+            image.load()
+            grid = np.array(image)
+        if grid.ndim not in (2, 3):
+            raise InputError(f"{name} holds numbers in the shape {grid.shape}; one number a pixel is wanted")
+        return grid
 
 
 @contextmanager
@@ -248,7 +252,7 @@ def _grid_by_tifffile(name: str, data: bytes) -> NDArray:
         rows, cols = page.imagelength, page.imagewidth
         _check_pixels(name, cols, rows, fewest=1)
         if page.shape not in ((rows, cols), (rows, cols, page.samplesperpixel)):
-            raise InputError(f"{name} is a TIFF of numbers in the shape {page.shape}; one number a pixel is wanted")
+            raise InputError(f"{name} holds numbers in the shape {page.shape}; one number a pixel is wanted")
         per_pixel = page.samplesperpixel * page.bitspersample / 8
         if rows * cols * per_pixel > PLAUSIBLE_PACKING * len(data):
             raise InputError(_IMPLAUSIBLE.format(name, cols, rows, len(data)))
