@@ -28,7 +28,6 @@ test quick: export OMP_THREAD_LIMIT := 1
 test quick: export PYTHONDONTWRITEBYTECODE :=
 
 test: $(READY)  ## every test and every example in the docstrings, on all cores
-	$(BIN)/planish warm-up  # else every process compiles the same kernels at the same time
 	$(PYTEST)
 
 quick: $(READY)  ## the tests that take less than half a second, some of every room
