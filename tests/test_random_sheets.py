@@ -1,4 +1,4 @@
-"""Two hundred random sheets: each ends, with finite places, and with every flip and overlap told.
+"""Two hundred random sheets: each ends, with finite places, and with every flip and overlap reported.
 
 `benchmarks/random_sheets.py` does the same with ten thousand.
 """

@@ -59,7 +59,7 @@ def doubtful_outline(
     Parameters
     ----------
     mask : (rows, cols) bool
-        Where the sheet is said to be.
+        Where the sheet is, by the outline that was given.
     photo : (rows', cols', 3) uint8 or uint16, or None
         Of the same proportions.
     surface : (Mesh, (n, 2) float64 [mask px]), optional

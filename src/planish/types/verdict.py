@@ -13,10 +13,10 @@ Word = Literal["good", "look at it", "not good"]
 STRAINED, TORN = 0.01, 0.02
 """Rms strain that asks for a look, and that no sheet has: paper gives some tenths of a percent, crumpled paper with its
 folds read through noise up to 0.8 %, a sheet together with its table 0.6 to 1.1 %, surfaces that are no paper 2 % and
-more; 2 % are 4 mm in the width of a letter, and what office paper stretches along its grain when it tears (1.5 to 3 %,
-as ISO 1924-2 measures it), so a whole sheet never has it: panels of glass that have 2.00 % are not good. With half of
-the first crumpled sheets ask for a look; doubled, tables do not. With half of the second a sheet on its table is not
-good at once; doubled, a dome of 60 degrees is a page."""
+more; 2 % are 4 mm in the width of a letter, and about what office paper stretches along its grain before it tears (a
+rule of thumb, not measured here): panels of glass with 2.00 % are not good. With half of the first crumpled sheets ask
+for a look; doubled, tables do not. With half of the second a sheet on its table is not good at once; doubled, a dome of
+60 degrees is a page."""
 
 SPOILED = 0.01
 """Part of the faces that may lie over others, or on their back, of a page that is still one."""
