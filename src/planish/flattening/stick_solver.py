@@ -203,7 +203,7 @@ def _is_no_paper(residual: float, xy: Floats, faces: Ints, topology: Topology, s
         return residual > NO_PAPER
     edges = slice(sticks.edges)
     of_faces = face_strain(xy, sticks.pairs[edges], sticks.rest[edges], topology.face_edges)
-    return bool(np.average(of_faces**2, weights=np.abs(signed_areas(xy, faces))) > NO_PAPER**2)
+    return bool(np.average(of_faces**2, weights=np.abs(signed_areas(xy, faces)) + TINY) > NO_PAPER**2)
 
 
 def _lay_faces(xy: Floats, mesh: Mesh, topology: Topology, sticks: Sticks, piece: Ints) -> tuple[Floats, int]:
